@@ -1,0 +1,211 @@
+"""Motion bases: what carries the arm's first spine point along the base line.
+
+A base is a replaceable part. It gives its rows of the Denavit-Hartenberg table (so that forward
+kinematics and Jacobians need to know nothing else) and an inverse: joint values that put the first
+spine point on a given point. `RailCraneBase` is the report's; a second one, `GimbalBase`, carries
+the arm on a carriage with two crossed hinges, as a straight feed does.
+
+To add a base: a dataclass with the members of `MotionBase`, its compiled inverse here, and a branch
+in `base_inverse`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+RAIL_CRANE, GIMBAL = 0, 1
+
+#: Joint kinds in a Denavit-Hartenberg table's last column.
+REVOLUTE, PRISMATIC = 0.0, 1.0
+
+Array = NDArray[np.float64]
+
+
+class MotionBase(Protocol):
+    """What the solvers ask of a base."""
+
+    @property
+    def kind(self) -> int:
+        """Which branch of `base_inverse` solves it."""
+
+    @property
+    def parameters(self) -> Array:
+        """The numbers that `base_inverse` needs, m and rad."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of its joints, from the ground."""
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names of the bodies that its joints move, from the ground; the last is segment 1."""
+
+    def dh_rows(self) -> Array:
+        """Rows (joints, 5): alpha (rad), a (m), d offset (m), theta offset (rad), joint kind."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RailCraneBase:
+    """The prototype's motion base: rail d1, crane theta2, and theta3 (FTL-95 Fig 2.1, Table A.1).
+
+    Attributes:
+        a0, a2, d2, d3: Denavit-Hartenberg lengths, m.
+        first_length: S_1, from frame 3 to the first spine point (4), m.
+    """
+
+    a0: float
+    a2: float
+    d2: float
+    d3: float
+    first_length: float
+
+    kind = RAIL_CRANE
+    joint_names = ("d1", "theta2", "theta3")
+    body_names = ("carriage", "crane", "segment_1")
+
+    @property
+    def parameters(self) -> Array:
+        return np.array([self.a0, self.a2, self.d2, self.d3, self.first_length])
+
+    def dh_rows(self) -> Array:
+        return np.array(
+            [
+                [0.0, self.a0, 0.0, 0.0, PRISMATIC],
+                [-math.pi / 2, 0.0, self.d2, 0.0, REVOLUTE],
+                [-math.pi / 4, self.a2, self.d3, 0.0, REVOLUTE],
+            ]
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GimbalBase:
+    """A carriage on a rail with two crossed hinges; the arm lies along the rail at zero.
+
+    Frame 1 slides along Z0; hinge 2 turns about Y0 and hinge 3 about the then tilted X0. A straight
+    feed, as CMU-92 assumes for its arm, is this base with both hinges near zero.
+
+    Attributes:
+        offset: distance of the base line from the rail along X0, m.
+        first_length: from the hinges to the first spine point, m.
+    """
+
+    offset: float
+    first_length: float
+
+    kind = GIMBAL
+    joint_names = ("d1", "theta2", "theta3")
+    body_names = ("carriage", "gimbal", "segment_1")
+
+    @property
+    def parameters(self) -> Array:
+        return np.array([self.offset, self.first_length])
+
+    def dh_rows(self) -> Array:
+        # Z2 = Y0 after the first twist; the offset of -90 deg turns X2 into Z0, the feed direction;
+        # Z3 is then square to both.
+        return np.array(
+            [
+                [0.0, self.offset, 0.0, 0.0, PRISMATIC],
+                [-math.pi / 2, 0.0, 0.0, -math.pi / 2, REVOLUTE],
+                [-math.pi / 2, 0.0, 0.0, 0.0, REVOLUTE],
+            ]
+        )
+
+
+@numba.njit(cache=True)
+def wrap_angle(angle):
+    """The angle in (-pi, pi] rad."""
+    return -((-angle + math.pi) % (2.0 * math.pi) - math.pi)
+
+
+@numba.njit(cache=True)
+def rail_crane_roots(parameters, x, y, z):
+    """Both inverse solutions of the rail and crane for spine point 4 at (x, y, z) m.
+
+    FTL-95 Eqs 3.10 to 3.15, with F = -K (S1 sin(theta3) + d3), whose line is missing in print.
+    E cos + F sin + G = 0 is solved as atan2(F, E) +- acos(-G / hypot(E, F)): Eq 3.14's half-angle
+    form divides by G - E, which vanishes inside the workspace.
+
+    Returns:
+        roots (2, 3): d1 (m), theta2, theta3 (rad); theta2 in (-pi, pi].
+        excess (2,): how far outside [-1, 1] the sine of theta3 and the cosine in theta2 are;
+            positive means that the point cannot be reached, and that root holds NaN.
+    """
+    a0, a2, d2, d3, s1 = parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]
+    k = math.sqrt(0.5)
+    roots = np.full((2, 3), np.nan)
+    excess = np.zeros(2)
+    sine3 = (d2 + k * d3 - y) / (k * s1)
+    excess[0] = abs(sine3) - 1.0
+    if excess[0] > 0.0:
+        excess[1] = math.nan
+        return roots, excess
+    theta3 = math.asin(sine3)
+    e = s1 * math.cos(theta3) + a2
+    f = -k * (s1 * sine3 + d3)
+    amplitude = math.hypot(e, f)
+    cosine2 = (x - a0) / amplitude
+    excess[1] = abs(cosine2) - 1.0
+    if excess[1] > 0.0:
+        return roots, excess
+    middle, half = math.atan2(f, e), math.acos(cosine2)
+    for i in range(2):
+        theta2 = wrap_angle(middle + half if i == 0 else middle - half)
+        roots[i, 0] = z + math.sin(theta2) * e - math.cos(theta2) * f
+        roots[i, 1] = theta2
+        roots[i, 2] = theta3
+    return roots, excess
+
+
+@numba.njit(cache=True)
+def gimbal_roots(parameters, x, y, z):
+    """Both inverse solutions of the gimbal base: the carriage behind the point, or beyond it.
+
+    The first spine point is at (offset + l sin(b) cos(c), -l sin(c), d1 + l cos(b) cos(c)), with
+    b = theta2 as a tilt about Y0 and c = theta3; same returns as `rail_crane_roots`.
+    """
+    offset, length = parameters[0], parameters[1]
+    roots = np.full((2, 3), np.nan)
+    excess = np.zeros(2)
+    sine3 = -y / length
+    excess[0] = abs(sine3) - 1.0
+    if excess[0] > 0.0:
+        excess[1] = math.nan
+        return roots, excess
+    theta3 = math.asin(sine3)
+    reach = length * math.cos(theta3)
+    excess[1] = abs(x - offset) - reach if reach == 0.0 else abs(x - offset) / reach - 1.0
+    if excess[1] > 0.0:
+        return roots, excess
+    tilt = math.asin((x - offset) / reach) if reach > 0.0 else 0.0
+    for i in range(2):
+        theta2 = tilt if i == 0 else wrap_angle(math.pi - tilt)
+        roots[i, 0] = z - reach * math.cos(theta2)
+        roots[i, 1] = theta2
+        roots[i, 2] = theta3
+    return roots, excess
+
+
+@numba.njit(cache=True)
+def base_inverse(kind, parameters, target, nominal):
+    """The base's joints (3,) that put the first spine point on `target` (3,) m.
+
+    Of two roots the one whose second joint is nearest `nominal` (rad) is taken, after wrapping
+    (at home the report's other root is +70.4 deg; unwrapped it can look nearer).
+
+    Returns:
+        joints, and the excess (2,) of `rail_crane_roots`.
+    """
+    if kind == RAIL_CRANE:
+        roots, excess = rail_crane_roots(parameters, target[0], target[1], target[2])
+    else:
+        roots, excess = gimbal_roots(parameters, target[0], target[1], target[2])
+    first = abs(wrap_angle(roots[0, 1] - nominal))
+    second = abs(wrap_angle(roots[1, 1] - nominal))
+    return (roots[0] if first <= second else roots[1]), excess
