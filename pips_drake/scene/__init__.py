@@ -1,0 +1,1 @@
+"""What everything stands in: model packages, scene files, shapes with exact signed distance."""
