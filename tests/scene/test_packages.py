@@ -55,6 +55,13 @@ def test_every_listed_name_is_found(kind: str) -> None:
         assert packages.find_file(kind, name).is_file()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_two_shipped_files_share_a_name(kind: str) -> None:
+    root = packages.models_directory().parent
+    files = [file for pattern in packages._PATTERNS[kind] for file in root.glob(pattern)]
+    assert len(packages.list_names(kind)) == len(files)
+
+
 def test_a_kind_lists_its_own_files_only(data_root: Path) -> None:
     assert packages.list_names("arm") == ["elbow"]
     assert packages.list_names("path") == ["bend", "straight"]
