@@ -32,10 +32,10 @@ test-all: $(VENV)/.installed-all ## run all tests
 	"$(VENV)/bin/python" -m pytest -m "slow or not slow" $(ARGS)
 
 lint: $(VENV)/.installed-dev ## check style, types and layers
-	"$(VENV)/bin/ruff" check .
-	"$(VENV)/bin/ruff" format --check .
-	"$(VENV)/bin/mypy"
-	"$(VENV)/bin/lint-imports"
+	@failed=0; \
+	for tool in "ruff check ." "ruff format --check ." mypy lint-imports; do \
+	    echo "$$tool"; "$(VENV)/bin/"$$tool || failed=1; \
+	done; exit $$failed
 
 format: $(VENV)/.installed-dev ## put the code into its standard format
 	"$(VENV)/bin/ruff" check --fix-only .
