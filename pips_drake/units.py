@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 #: One inch, m (exact since 1959).
 INCH = 0.0254
@@ -15,3 +16,8 @@ DEGREE = math.pi / 180.0
 LENGTH_UNITS = {"in": INCH, "m": 1.0}
 #: Units of a joint value, by the word a limit row may use, m or rad.
 JOINT_UNITS = {"in": INCH, "m": 1.0, "deg": DEGREE, "rad": 1.0}
+
+
+def in_inches(point: Iterable[float]) -> str:
+    """A point given in m as text in inches, the unit of FTL-95's tables."""
+    return "(" + ", ".join(f"{value / INCH:.3f}" for value in point) + ") in"

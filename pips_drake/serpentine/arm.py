@@ -65,8 +65,9 @@ class SerpentineArm:
         bodies: a body a joint, in joint order.
         rail: the fixed part of the base, in frame 0.
         linkage: actuators of joints 3 on, L3 on.
-        base_stiffness, base_effort_limit, base_speed_limit: of the joints before those, (2,) N/m and
-            Nm/rad, N and Nm, m/s and rad/s.
+        base_stiffness, base_effort_limit, base_speed_limit: of the joints before those, (2,) N/m
+            and Nm/rad, N and Nm, m/s and rad/s.
+        base_overtravel: how far those can go beyond their limits, (2,) m and rad.
         actuator_damping_time: damping over stiffness, s.
     """
 
@@ -84,6 +85,7 @@ class SerpentineArm:
     base_stiffness: Array
     base_effort_limit: Array
     base_speed_limit: Array
+    base_overtravel: Array
     actuator_damping_time: float
 
     @property
@@ -210,11 +212,19 @@ def make_arm(config: ArmFile) -> SerpentineArm:
         base_stiffness=np.array([drives.d1.stiffness_N_per_m, drives.theta2.stiffness_Nm_per_rad]),
         base_effort_limit=np.array([drives.d1.force_limit_N, drives.theta2.torque_limit_Nm]),
         base_speed_limit=np.array(
-            [drives.d1.speed_limit_mm_per_s * 1e-3, math.radians(drives.theta2.speed_limit_deg_per_s)]
+            [
+                drives.d1.speed_limit_mm_per_s * 1e-3,
+                math.radians(drives.theta2.speed_limit_deg_per_s),
+            ]
+        ),
+        base_overtravel=np.array(
+            [drives.d1.overtravel_mm * 1e-3, math.radians(drives.theta2.overtravel_deg)]
         ),
         actuator_damping_time=config.actuator_damping_time_s,
     )
-    for joint, name, prismatic in zip(config.joints, arm.joint_names, arm.is_prismatic, strict=True):
+    for joint, name, prismatic in zip(
+        config.joints, arm.joint_names, arm.is_prismatic, strict=True
+    ):
         require(joint.name == name, "joints.name", joint.name, f"{name}, in order")
         units = ("in", "m") if prismatic else ("deg", "rad")
         require(joint.unit in units, f"joints.{name}.unit", joint.unit, " or ".join(units))

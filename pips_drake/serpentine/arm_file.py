@@ -96,7 +96,9 @@ class BoxConfig:
             "actuator_force_limit_N",
             "actuator_speed_limit_mm_per_s",
         )
-        require(0.0 < self.pin_angle_deg < 180.0, "pin_angle_deg", self.pin_angle_deg, "in (0, 180)")
+        require(
+            0.0 < self.pin_angle_deg < 180.0, "pin_angle_deg", self.pin_angle_deg, "in (0, 180)"
+        )
 
 
 @dataclass
@@ -106,9 +108,11 @@ class LinearDriveConfig:
     stiffness_N_per_m: float = 0.0
     force_limit_N: float = 0.0
     speed_limit_mm_per_s: float = 0.0
+    overtravel_mm: float = 0.0
 
     def validate(self) -> None:
         require_positive(self, "stiffness_N_per_m", "force_limit_N", "speed_limit_mm_per_s")
+        require(self.overtravel_mm >= 0.0, "d1.overtravel_mm", self.overtravel_mm, ">= 0")
 
 
 @dataclass
@@ -118,9 +122,11 @@ class RotaryDriveConfig:
     stiffness_Nm_per_rad: float = 0.0
     torque_limit_Nm: float = 0.0
     speed_limit_deg_per_s: float = 0.0
+    overtravel_deg: float = 0.0
 
     def validate(self) -> None:
         require_positive(self, "stiffness_Nm_per_rad", "torque_limit_Nm", "speed_limit_deg_per_s")
+        require(self.overtravel_deg >= 0.0, "theta2.overtravel_deg", self.overtravel_deg, ">= 0")
 
 
 @dataclass

@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.path_geometry import sphere_line_roots
+from pips_drake.serpentine.path_geometry import ON_PIECE_TOLERANCE, sphere_line_roots
 from pips_drake.serpentine.tip_path import TipPath
-from pips_drake.units import INCH
+from pips_drake.units import INCH, in_inches
 
 Array = NDArray[np.float64]
 
@@ -60,8 +60,6 @@ def intersect_sphere_segment(
     The report's strict 0 < t < 1 loses a vertex that lies exactly `radius` away; here the ends
     count, with the tolerance of the walk.
     """
-    from pips_drake.serpentine.path_geometry import ON_PIECE_TOLERANCE
-
     p = np.asarray(first, dtype=np.float64)
     u = np.asarray(second, dtype=np.float64) - p
     c = np.asarray(centre, dtype=np.float64)
@@ -233,7 +231,7 @@ class FollowTheLeader:
     def explain(self, path: TipPath, solution: Solution, index: int) -> str:
         """One sentence: why a tip position has no solution, where, and by how much."""
         s = float(solution.tip_arc_lengths[index])
-        where = f"tip at {s:.4f} m of path '{path.name}' {_point_text(path, s)}"
+        where = f"tip at {s:.4f} m of path '{path.name}' {in_inches(path.point(s))}"
         status, part = int(solution.status[index]), int(solution.failing_part[index])
         if status == solver.NOT_CONVERGED:
             return (
@@ -247,7 +245,7 @@ class FollowTheLeader:
             function = "sine" if part == 0 else "cosine"
             return (
                 f"{where}: the motion base does not reach spine point "
-                f"{self.arm.spine_indices[0]} at {_inches(solution.spine_points[index, 0])}: the "
+                f"{self.arm.spine_indices[0]} at {in_inches(solution.spine_points[index, 0])}: the "
                 f"{function} for {joint} exceeds 1 by {solution.base_excess[index]:.4g}"
             )
         raise NotFollowableError(f"{where}: it has a solution", s)
@@ -263,11 +261,3 @@ class FollowTheLeader:
             f"of the path: module {module + 1} needs {needed / INCH:.3f} in and the path's start is "
             f"{start / INCH:.3f} in away, {max(0.0, needed - start) / INCH:.3f} in too near"
         )
-
-
-def _point_text(path: TipPath, s: float) -> str:
-    return _inches(path.point(s))
-
-
-def _inches(point: Array) -> str:
-    return "(" + ", ".join(f"{value / INCH:.3f}" for value in point) + ") in"

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError
 from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.dh_chain import joint_frames_many
 from pips_drake.serpentine.motion_base import RAIL_CRANE, gimbal_roots, rail_crane_roots
 
 Array = NDArray[np.float64]
@@ -38,26 +39,12 @@ def frames(arm: SerpentineArm, q: ArrayLike) -> Array:
     Returns:
         homogeneous transforms (N, joints, 4, 4), translations in m.
     """
-    q = _as_postures(arm, q)
-    n = q.shape[0]
+    rotations, origins = joint_frames_many(arm.dh_table, _as_postures(arm, q))
     mirror = arm.mirror
-    rotation = np.broadcast_to(np.eye(3), (n, 3, 3))
-    origin = np.zeros((n, 3))
-    result = np.zeros((n, arm.joints, 4, 4))
+    result = np.zeros((*rotations.shape[:2], 4, 4))
+    result[..., :3, :3] = mirror[:, None] * rotations * mirror
+    result[..., :3, 3] = mirror * origins
     result[..., 3, 3] = 1.0
-    for j, (alpha, a, d, theta, _) in enumerate(arm.dh_table):
-        slide = d + (q[:, j] if arm.is_prismatic[j] else 0.0)
-        angle = theta + (np.zeros(n) if arm.is_prismatic[j] else q[:, j])
-        tilt = np.array(
-            [[1.0, 0.0, 0.0], [0.0, np.cos(alpha), -np.sin(alpha)], [0.0, np.sin(alpha), np.cos(alpha)]]
-        )
-        tilted = rotation @ tilt
-        origin = origin + a * rotation[..., 0] + np.reshape(slide, (-1, 1)) * tilted[..., 2]
-        cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
-        x, y = tilted[..., 0], tilted[..., 1]
-        rotation = np.stack([cosine * x + sine * y, cosine * y - sine * x, tilted[..., 2]], axis=-1)
-        result[:, j, :3, :3] = mirror[:, None] * rotation * mirror
-        result[:, j, :3, 3] = mirror * origin
     return result
 
 

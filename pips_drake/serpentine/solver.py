@@ -12,6 +12,7 @@ import math
 import numba
 import numpy as np
 
+from pips_drake.serpentine.dh_chain import joint_frames
 from pips_drake.serpentine.motion_base import PRISMATIC, base_inverse
 from pips_drake.serpentine.path_geometry import START, find_piece, piece_point, walk_back
 
@@ -52,33 +53,6 @@ def fit_spine(table, s_tip, q_lengths, spine, arc_lengths):
         piece_point(table, piece, local, spine[i], tangent)
         arc_lengths[i] = table[piece, START] + local
     return -1
-
-
-@numba.njit(cache=True)
-def _dh_step(rotation, origin, alpha, a, d, theta):
-    """Next Craig-DH frame: RotX(alpha) TransX(a) RotZ(theta) TransZ(d), in place."""
-    ca, sa = math.cos(alpha), math.sin(alpha)
-    ct, st = math.cos(theta), math.sin(theta)
-    for k in range(3):
-        x, y, z = rotation[k, 0], rotation[k, 1], rotation[k, 2]
-        tilted_y, tilted_z = ca * y + sa * z, ca * z - sa * y
-        origin[k] += a * x + d * tilted_z
-        rotation[k, 0] = ct * x + st * tilted_y
-        rotation[k, 1] = ct * tilted_y - st * x
-        rotation[k, 2] = tilted_z
-
-
-@numba.njit(cache=True)
-def base_frames(base_dh, q, rotations, origins):
-    """Frames of the base's joints, rotations (B, 3, 3) and origins (B, 3) m, in place."""
-    rotation, origin = np.eye(3), np.zeros(3)
-    for j in range(base_dh.shape[0]):
-        prismatic = base_dh[j, 4] == PRISMATIC
-        d = base_dh[j, 2] + (q[j] if prismatic else 0.0)
-        theta = base_dh[j, 3] + (0.0 if prismatic else q[j])
-        _dh_step(rotation, origin, base_dh[j, 0], base_dh[j, 1], d, theta)
-        rotations[j] = rotation
-        origins[j] = origin
 
 
 @numba.njit(cache=True)
@@ -130,7 +104,7 @@ def spine_inverse(spine, chain, base_kind, base_parameters, base_dh, nominal, q)
     q[:joints] = base_q
     rotations = np.empty((joints, 3, 3))
     origins = np.empty((joints, 3))
-    base_frames(base_dh, q, rotations, origins)
+    joint_frames(base_dh, q, rotations, origins)
     rotation = rotations[joints - 1].copy()
     # Forward kinematics goes along: `reached` is where the angles really put each spine point.
     reached = np.empty(3)
@@ -195,9 +169,7 @@ def solve_point(
         missing = fit_spine(table, s_tip, q_lengths, spine, arc_lengths)
         if missing >= 0:
             return OFF_PATH, iteration, error, first_error, missing, 0.0
-        error, excess = spine_inverse(
-            spine, chain, base_kind, base_parameters, base_dh, nominal, q
-        )
+        error, excess = spine_inverse(spine, chain, base_kind, base_parameters, base_dh, nominal, q)
         if excess[0] > 0.0 or excess[1] > 0.0:
             row = 0 if excess[0] > 0.0 else 1
             return BASE_OUT_OF_REACH, iteration, error, first_error, row, excess[row]
@@ -290,7 +262,7 @@ def joint_rates(table, q, arc_lengths, chain, base_dh, first_length):
     rate = np.zeros(q.size)
     rotations = np.empty((joints, 3, 3))
     origins = np.empty((joints, 3))
-    base_frames(base_dh, q, rotations, origins)
+    joint_frames(base_dh, q, rotations, origins)
     rotation = rotations[joints - 1].copy()
     here = origins[joints - 1] + first_length * rotation[:, 0]
     point, tangent = np.empty(3), np.empty(3)

@@ -1,0 +1,86 @@
+"""What the actuators' servos make of a length command."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.drives import drive_limits
+
+Array = NDArray[np.float64]
+
+
+class ActuatorServo(LeafSystem):
+    """Follows drive commands within stroke and speed: the set-point that the stiffness pulls to.
+
+    .. pydrake_system::
+
+        name: ActuatorServo
+        input_ports:
+        - drive_state
+        - drive_offset
+        output_ports:
+        - setpoint
+        - saturation
+
+    Input ports:
+
+    - `drive_state`, (2 J,): commanded drive coordinates (`drives.drive_columns`), m and rad, and
+      their rates, m/s and rad/s.
+    - `drive_offset`, (J,): added to the command, m and rad; optional, zero when unconnected.
+
+    Output ports, both from state (no feedthrough):
+
+    - `setpoint`, (2 J,): drive coordinates and rates as the servos have them.
+    - `saturation`, (2,): how many drives stand at the end of their stroke, and at their speed limit.
+
+    State, discrete, updated every `period` s (default 1/64 s) and at initialization: the outputs.
+    Latency: the command of one update reaches the plant until the next, one period later.
+
+    An update goes towards min(max(command + offset, stroke's ends)) by at most speed limit times
+    period. The commanded rate passes on as long as neither limit acts. The actuators' stiffness and
+    force limit are the plant's (its controller gains and effort limits; fidelity `joint`).
+    """
+
+    def __init__(self, arm: SerpentineArm, *, period: float = 1.0 / 64.0) -> None:
+        super().__init__()
+        self._drives = arm.joints
+        self._period = period
+        self._lower, self._upper, self._speed, _ = drive_limits(arm)
+        # The base's rail and crane have mechanical play beyond their limits, as the stroke has.
+        first = arm.first_actuated_joint
+        self._lower[:first] -= arm.base_overtravel
+        self._upper[:first] += arm.base_overtravel
+        self._command_port = self.DeclareVectorInputPort("drive_state", 2 * arm.joints)
+        self._offset_port = self.DeclareVectorInputPort("drive_offset", arm.joints)
+        setpoint = self.DeclareDiscreteState(2 * arm.joints)
+        saturation = self.DeclareDiscreteState(2)
+        self.DeclareStateOutputPort("setpoint", setpoint)
+        self.DeclareStateOutputPort("saturation", saturation)
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _target(self, context: Context) -> tuple[Array, Array]:
+        """Where the drives are sent, within the stroke, and the commanded rate."""
+        command, rate = np.split(self._command_port.Eval(context), 2)
+        if self._offset_port.HasValue(context):
+            command = command + self._offset_port.Eval(context)
+        return np.clip(command, self._lower, self._upper), rate
+
+    def _initialize(self, context: Context, values: DiscreteValues) -> None:
+        target, _ = self._target(context)
+        values.get_mutable_vector(0).SetFromVector(np.append(target, np.zeros(self._drives)))
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        target, rate = self._target(context)
+        position = context.get_discrete_state(0).CopyToVector()[: self._drives]
+        reach = self._speed * self._period
+        too_fast = np.abs(target - position) > reach
+        position = position + np.clip(target - position, -reach, reach)
+        rate = np.where(too_fast, np.sign(target - position) * self._speed, rate)
+        at_end = (target <= self._lower) | (target >= self._upper)
+        rate = np.where(at_end, 0.0, rate)
+        values.get_mutable_vector(0).SetFromVector(np.append(position, rate))
+        values.get_mutable_vector(1).SetFromVector([np.sum(at_end), np.sum(too_fast)])

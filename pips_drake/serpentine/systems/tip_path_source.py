@@ -1,0 +1,132 @@
+"""Where the tip should be on its path, over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from pips_drake.serpentine.motion_profile import RestToRestProfile
+from pips_drake.serpentine.tip_path import TipPath
+
+#: Phases of a run, as the `phase` output says them.
+EXTENDING, DWELLING, RETRACTING, DONE = 0.0, 1.0, 2.0, 3.0
+
+#: Words of the `command` input.
+RUN, HOLD, RETRACT = 1.0, 0.0, -1.0
+
+
+class TipPathSource(LeafSystem):
+    """Moves the tip along a path: out, dwell, and back; holds, resumes and retracts on command.
+
+    .. pydrake_system::
+
+        name: TipPathSource
+        input_ports:
+        - command
+        output_ports:
+        - tip
+        - path
+        - phase
+
+    Input ports:
+
+    - `command`, (1,): `RUN` (1), `HOLD` (0) or `RETRACT` (-1); optional, `RUN` when unconnected.
+
+    Output ports, all from state or constant (no feedthrough):
+
+    - `tip`, (2,): arc length of the tip on the path, m, and its rate, m/s.
+    - `path`: abstract `Value[object]` that holds the `TipPath`.
+    - `phase`, (1,): `EXTENDING`, `DWELLING`, `RETRACTING` or `DONE`.
+
+    State: (4,) time on the speed profile, s; its rate (1 forward, 0 hold, -1 back); phase; time left
+    to dwell, s. Updated every `period` s (default 1/64 s).
+
+    A hold slows the profile's own clock to rest over `hold_ramp` s and a resume speeds it up again,
+    so the tip follows the same speeds along the same path; going back runs the clock backwards.
+    Latency: a command acts at the next update.
+
+    Args:
+        path: the path.
+        profile: travel from the path's home, against time.
+        dwell: time at the end of the path, s.
+        retract: whether to come back after the dwell.
+        hold_ramp: time to come to a hold, s.
+        period: s.
+    """
+
+    def __init__(
+        self,
+        path: TipPath,
+        profile: RestToRestProfile,
+        *,
+        dwell: float = 0.0,
+        retract: bool = True,
+        hold_ramp: float = 1.0,
+        period: float = 1.0 / 64.0,
+    ) -> None:
+        super().__init__()
+        self._path = path
+        self._profile = profile
+        self._retract = retract
+        self._rate_step = period / hold_ramp
+        self._period = period
+        self._command_port = self.DeclareVectorInputPort("command", 1)
+        self._state = self.DeclareDiscreteState([0.0, 1.0, EXTENDING, dwell])
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update_state)
+        state_only = {self.discrete_state_ticket(self._state)}
+        self.DeclareVectorOutputPort("tip", 2, self._calc_tip, prerequisites_of_calc=state_only)
+        self.DeclareAbstractOutputPort(
+            "path",
+            lambda: AbstractValue.Make(path),
+            self._calc_path,
+            prerequisites_of_calc={self.nothing_ticket()},
+        )
+        self.DeclareVectorOutputPort("phase", 1, self._calc_phase, prerequisites_of_calc=state_only)
+
+    @property
+    def duration(self) -> float:
+        """Time to do it all without a hold, s."""
+        out = self._profile.duration
+        dwell = float(self._initial_dwell())
+        return out + (dwell + out if self._retract else 0.0)
+
+    def _initial_dwell(self) -> float:
+        context = self.CreateDefaultContext()
+        return float(context.get_discrete_state_vector().GetAtIndex(3))
+
+    def _update_state(self, context: Context, values: DiscreteValues) -> None:
+        time, rate, phase, dwell = context.get_discrete_state(self._state).CopyToVector()
+        command = (
+            self._command_port.Eval(context)[0] if self._command_port.HasValue(context) else RUN
+        )
+        if command < -0.5 and phase < RETRACTING:
+            phase = RETRACTING
+        wanted = (
+            0.0 if -0.5 <= command <= 0.5 else {EXTENDING: 1.0, RETRACTING: -1.0}.get(phase, 0.0)
+        )
+        if phase == DWELLING and wanted == 0.0 and command > 0.5:
+            dwell -= self._period
+            if dwell <= 0.0:
+                phase = RETRACTING if self._retract else DONE
+        new_rate = rate + np.clip(wanted - rate, -self._rate_step, self._rate_step)
+        time += 0.5 * (rate + new_rate) * self._period
+        # The profile is at rest at both ends, so its clock may stop and turn there at once.
+        if phase == EXTENDING and time >= self._profile.duration:
+            time, new_rate, phase = self._profile.duration, 0.0, DWELLING
+        elif phase == RETRACTING and time <= 0.0:
+            time, new_rate, phase = 0.0, 0.0, DONE
+        elif phase == RETRACTING and time >= self._profile.duration:
+            time, new_rate = self._profile.duration, -1.0
+        values.get_mutable_vector(self._state).SetFromVector([time, new_rate, phase, dwell])
+
+    def _calc_tip(self, context: Context, output: BasicVector) -> None:
+        time, rate = context.get_discrete_state(self._state).CopyToVector()[:2]
+        travel, speed = self._profile(time)
+        output.SetFromVector([self._path.home_arc_length + travel, speed * rate])
+
+    def _calc_path(self, context: Context, output: Value) -> None:
+        output.set_value(self._path)
+
+    def _calc_phase(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._state).CopyToVector()[2:3])

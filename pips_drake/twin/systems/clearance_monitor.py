@@ -1,0 +1,124 @@
+"""A system that watches a robot's clearance while a diagram runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import QueryObject
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from pips_drake.twin.clearance import ClearanceQuery, LeastDistance
+
+if TYPE_CHECKING:
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
+
+Array = NDArray[np.float64]
+
+
+class ClearanceMonitor(LeafSystem):
+    """Samples the least distance of a robot to the scene and to itself, and how it changes.
+
+    .. pydrake_system::
+
+        name: ClearanceMonitor
+        input_ports:
+        - query_object
+        - body_poses
+        - body_spatial_velocities
+        output_ports:
+        - clearance
+        - witness
+
+    Input ports:
+
+    - `query_object`: abstract `QueryObject`, from the scene graph.
+    - `body_poses`: abstract list of `RigidTransform` X_WB, from the plant; optional, for the rate.
+    - `body_spatial_velocities`: abstract list of `SpatialVelocity` V_WB, from the plant; optional.
+
+    Output ports, both from state (no feedthrough):
+
+    - `clearance`, (3,): distance to the scene, m; its rate along the motion, m/s, negative when
+      closing in, NaN without the optional inputs or when nothing is near; distance of the robot to
+      itself, m. Distances stop at `max_distance`.
+    - `witness`, (7,): index of the nearest pair in `pair_name` (-1 when nothing is near), then the
+      witness points on robot and scene in the world, 2 x 3 m, NaN when nothing is near.
+
+    State: the outputs, discrete, updated every `period` s (default 1/32 s) and at initialization.
+
+    The rate of the distance is n . (v_A - v_B), with n the unit normal from scene to robot and v
+    the velocities of the witness points as points of their bodies.
+
+    Args:
+        plant: finalized, registered with a scene graph.
+        robot: the robot's model instances; everything else is the scene.
+        max_distance: pairs farther apart than this are not looked at, m.
+        period: s.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        *,
+        robot: Sequence[ModelInstanceIndex],
+        max_distance: float = 0.5,
+        period: float = 1.0 / 32.0,
+    ) -> None:
+        super().__init__()
+        self._query = ClearanceQuery(plant, robot, max_distance=max_distance)
+        bodies = plant.num_bodies()
+        self._names = [str(plant.get_body(_body(plant, i)).scoped_name()) for i in range(bodies)]
+        self._query_port = self.DeclareAbstractInputPort(
+            "query_object", AbstractValue.Make(QueryObject())
+        )
+        self._poses_port = self.DeclareAbstractInputPort(
+            "body_poses", AbstractValue.Make([RigidTransform()])
+        )
+        self._velocities_port = self.DeclareAbstractInputPort(
+            "body_spatial_velocities", AbstractValue.Make([SpatialVelocity()])
+        )
+        clearance = self.DeclareDiscreteState([max_distance, np.nan, max_distance])
+        witness = self.DeclareDiscreteState([-1.0] + [np.nan] * 6)
+        self.DeclareStateOutputPort("clearance", clearance)
+        self.DeclareStateOutputPort("witness", witness)
+        self.DeclareInitializationDiscreteUpdateEvent(self._update_clearance)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update_clearance)
+
+    def pair_name(self, index: float) -> tuple[str, str] | None:
+        """The bodies' names of a pair index in the `witness` output, the robot's first."""
+        if index < 0:
+            return None
+        first, second = divmod(int(index), len(self._names))
+        return self._names[first], self._names[second]
+
+    def _update_clearance(self, context: Context, values: DiscreteValues) -> None:
+        scene, own = self._query.least(self._query_port.Eval(context))
+        rate, index = np.nan, -1.0
+        if scene.bodies is not None:
+            rate = self._rate(context, scene)
+            index = float(int(scene.bodies[0]) * len(self._names) + int(scene.bodies[1]))
+        values.get_mutable_vector(0).SetFromVector([scene.distance, rate, own.distance])
+        values.get_mutable_vector(1).SetFromVector([index, *scene.points.ravel()])
+
+    def _rate(self, context: Context, nearest: LeastDistance) -> float:
+        if not (self._poses_port.HasValue(context) and self._velocities_port.HasValue(context)):
+            return np.nan
+        poses, velocities = self._poses_port.Eval(context), self._velocities_port.Eval(context)
+        points_velocity = []
+        for body, point in zip(nearest.bodies or (), nearest.points, strict=True):
+            V_WB = velocities[int(body)]
+            arm = point - poses[int(body)].translation()
+            points_velocity.append(V_WB.translational() + np.cross(V_WB.rotational(), arm))
+        return float(nearest.normal @ (points_velocity[0] - points_velocity[1]))
+
+
+def _body(plant: MultibodyPlant, i: int) -> BodyIndex:
+    from pydrake.multibody.tree import BodyIndex
+
+    return BodyIndex(i)
