@@ -1,8 +1,9 @@
 """Typed YAML: load a file into a dataclass, refuse what the dataclass does not say.
 
-`pydrake.common.yaml` does the reading. It lets NaN through, takes no frozen dataclasses and does
-not run checks of its own (measured), so this module adds: finite numbers, a file name in every
-message, and a call of the dataclass's `validate()`.
+`pydrake.common.yaml` builds the objects. It takes no frozen dataclasses, lets NaN and repeated keys
+through, checks nothing of its own and says "AssertionError" where a list is missing (measured). So
+the file is first compared with the schema here: every message names the file, the key's full path,
+the value and what is allowed. Then come finite numbers and the dataclass's own `validate()`.
 """
 
 from __future__ import annotations
@@ -10,10 +11,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import types
+import typing
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pips_drake.errors import InputError
+import yaml
+
+from pips_drake.errors import InputError, UnknownNameError
 
 T = TypeVar("T")
 
@@ -22,25 +27,29 @@ def load_yaml(schema: type[T], file: Path, *, overrides: dict[str, Any] | None =
     """Reads `file` into the dataclass `schema`, applies `overrides`, checks and returns it.
 
     Args:
-        schema: a dataclass whose fields all have defaults or stand in the file.
+        schema: a dataclass whose fields all have defaults (pydrake fills in a default object); a
+            field that a file must state has a default that `validate()` refuses.
         file: the YAML file.
         overrides: dotted field names to values, applied after the file is read.
 
     Raises:
-        InputError: the file is missing, is not YAML, has an unknown key, a wrong type or a number
-            that is not finite, or fails the schema's own `validate()`.
+        InputError: the file is missing, is not YAML, has an unknown or repeated key, a wrong type
+            or a number that is not finite, or fails the schema's own `validate()`.
     """
     from pydrake.common.yaml import yaml_load_typed
 
     if not file.is_file():
         raise InputError(f"{file}: no such file")
     try:
-        text = file.read_text(encoding="utf-8")
+        text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{file}: not a text file in UTF-8") from None
     try:
+        _check_against(schema, _parse(text), where="")
         loaded: T = yaml_load_typed(schema=schema, data=text)
-    except Exception as error:  # pydrake raises a wide range of types, YAML errors included
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+    except Exception as error:  # pydrake raises a wide range of types for what is left
         raise InputError(f"{file}: {_first_line(error)}") from None
     for key, value in (overrides or {}).items():
         set_by_dotted_key(loaded, key, value, where=str(file))
@@ -54,7 +63,7 @@ def load_yaml(schema: type[T], file: Path, *, overrides: dict[str, Any] | None =
 def validate(config: Any) -> None:
     """Checks that every number in a dataclass tree is finite, then calls its `validate()`s."""
     _check_finite(config, where="")
-    _call_validate(config)
+    _call_validate(config, where="")
 
 
 def dump_yaml(config: Any) -> str:
@@ -77,6 +86,19 @@ def set_by_dotted_key(config: Any, key: str, value: str, *, where: str) -> None:
         target = _field(target, part, where=f"{where}: --set {'.'.join(parents[: depth + 1])}")
     current = _field(target, leaf, where=f"{where}: --set {key}")
     setattr(target, leaf, _parse_like(current, value, where=f"{where}: --set {key}"))
+
+
+def require(condition: bool, name: str, value: object, allowed: str) -> None:
+    """Raises `InputError` as "name = value; must be allowed" unless the condition holds."""
+    if not condition:
+        raise InputError(f"{name} = {value}; must be {allowed}")
+
+
+def require_positive(config: object, *names: str) -> None:
+    """Raises `InputError` unless the named fields are positive."""
+    for name in names:
+        value = getattr(config, name)
+        require(value > 0.0, f"{type(config).__name__}.{name}", value, "> 0")
 
 
 def _field(target: Any, name: str, *, where: str) -> Any:
@@ -102,7 +124,8 @@ def _parse_like(current: Any, text: str, *, where: str) -> Any:
         try:
             return type(current)(text)
         except ValueError:
-            raise InputError(f"{where}: '{text}' is not a number") from None
+            kind = "whole number" if isinstance(current, int) else "number"
+            raise InputError(f"{where}: '{text}' is not a {kind}") from None
     if isinstance(current, str):
         return text
     if isinstance(current, list) and all(isinstance(item, float) for item in current):
@@ -116,30 +139,142 @@ def _parse_like(current: Any, text: str, *, where: str) -> Any:
 def _check_finite(value: Any, *, where: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
         raise InputError(f"{where} = {value}; must be a finite number")
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for field in dataclasses.fields(value):
-            name = f"{where}.{field.name}" if where else field.name
-            _check_finite(getattr(value, field.name), where=name)
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            _check_finite(item, where=f"{where}.{key}" if where else str(key))
-    elif isinstance(value, list | tuple):
-        for index, item in enumerate(value):
-            _check_finite(item, where=f"{where}[{index}]")
+    for name, item in _children(value, where):
+        _check_finite(item, where=name)
 
 
-def _call_validate(value: Any) -> None:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for field in dataclasses.fields(value):
-            _call_validate(getattr(value, field.name))
-        if hasattr(value, "validate"):
+def _call_validate(value: Any, *, where: str) -> None:
+    for name, item in _children(value, where):
+        _call_validate(item, where=name)
+    if (
+        dataclasses.is_dataclass(value)
+        and not isinstance(value, type)
+        and hasattr(value, "validate")
+    ):
+        try:
             value.validate()
-    elif isinstance(value, dict):
-        for item in value.values():
-            _call_validate(item)
-    elif isinstance(value, list | tuple):
-        for item in value:
-            _call_validate(item)
+        except InputError as error:
+            raise InputError(f"{where}: {error}" if where else str(error)) from None
+
+
+def _children(value: Any, where: str) -> list[tuple[str, Any]]:
+    """Dotted names and values of what a dataclass, mapping or list holds."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = [field.name for field in dataclasses.fields(value)]
+        return [(_join(where, name), getattr(value, name)) for name in names]
+    if isinstance(value, dict):
+        return [(_join(where, key), item) for key, item in value.items()]
+    if isinstance(value, list | tuple):
+        return [(f"{where}[{index}]", item) for index, item in enumerate(value)]
+    return []
+
+
+def _join(where: str, key: object) -> str:
+    return f"{where}.{key}" if where else str(key)
+
+
+def _parse(text: str) -> Any:
+    """The file's plain data."""
+    from pydrake.common.yaml import yaml_load
+
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        if node is None:
+            raise InputError("empty; must be a mapping")
+        _refuse_repeated_keys(node, set())
+        return yaml_load(data=text)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f"line {mark.line + 1}: " if mark else ""
+        raise InputError(f"{line}not YAML: {error.problem or error.context}") from None
+    except yaml.YAMLError as error:
+        raise InputError(f"not YAML: {_first_line(error)}") from None
+    except RecursionError:
+        raise InputError("not usable YAML: nested too deeply") from None
+
+
+def _refuse_repeated_keys(node: yaml.Node, seen: set[int]) -> None:
+    """YAML forbids a key twice in a mapping; PyYAML lets the last one win."""
+    if id(node) in seen:  # an alias: already looked at, and it may contain itself
+        return
+    seen.add(id(node))
+    if isinstance(node, yaml.MappingNode):
+        lines: dict[str, int] = {}
+        for key, item in node.value:
+            line = key.start_mark.line + 1
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in lines:
+                    first = lines[key.value]
+                    raise InputError(f"line {line}: key '{key.value}' repeats line {first}'s")
+                lines[key.value] = line
+            _refuse_repeated_keys(item, seen)
+    elif isinstance(node, yaml.SequenceNode):
+        for item in node.value:
+            _refuse_repeated_keys(item, seen)
+
+
+def _check_against(schema: Any, value: Any, *, where: str) -> None:
+    """Refuses plain data that does not fit a schema: dataclass, list, dict, scalar, X | None.
+
+    Other types, unions with tags and Drake's own structures among them, are left to pydrake.
+    """
+    origin, arguments = typing.get_origin(schema), typing.get_args(schema)
+    if origin in (typing.Union, types.UnionType):
+        options = [option for option in arguments if option is not types.NoneType]
+        if len(options) == 1 and value is not None:
+            _check_against(options[0], value, where=where)
+    elif dataclasses.is_dataclass(schema) and isinstance(schema, type):
+        _require_type(isinstance(value, dict), where, value, "a mapping")
+        hints = typing.get_type_hints(schema)
+        for key, item in value.items():
+            if key not in hints:
+                message = str(UnknownNameError("key", str(key), list(hints)))
+                raise InputError(f"{where}: {message}" if where else message)
+            _check_against(hints[key], item, where=_join(where, key))
+    elif origin is list:
+        _require_type(isinstance(value, list), where, value, "a list")
+        for index, item in enumerate(value):
+            _check_against(arguments[0], item, where=f"{where}[{index}]")
+    elif origin is dict:
+        _require_type(isinstance(value, dict), where, value, "a mapping")
+        for key, item in value.items():
+            _require_type(isinstance(key, str), where, key, "a mapping with names as keys")
+            _check_against(arguments[1], item, where=_join(where, key))
+    elif schema in _SCALARS:
+        fits, allowed = _SCALARS[schema]
+        _require_type(fits(value), where, value, allowed)
+
+
+def _is_float(value: Any) -> bool:
+    # PyYAML reads 4.0e7 as text, because YAML 1.1 wants 4.0e+7; pydrake turns it into a number.
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return False
+    try:
+        float(value)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+def _is_int(value: Any) -> bool:
+    if isinstance(value, str):
+        return re.fullmatch(r"[-+]?\d+", value) is not None
+    return _is_float(value) and float(value).is_integer()
+
+
+_SCALARS = {
+    bool: (lambda value: isinstance(value, bool) or value in ("true", "false"), "true or false"),
+    int: (_is_int, "a whole number"),
+    float: (_is_float, "a number"),
+    str: (lambda value: isinstance(value, str), "text (in quotes if it looks like a number)"),
+}
+
+
+def _require_type(condition: bool, where: str, value: Any, allowed: str) -> None:
+    if not condition:
+        shown = "null" if value is None else repr(value)
+        shown = shown if len(shown) <= 60 else shown[:57] + "..."
+        raise InputError(f"{where or 'the file'} = {shown}; must be {allowed}")
 
 
 def _first_line(error: Exception) -> str:

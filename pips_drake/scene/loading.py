@@ -14,43 +14,40 @@ if TYPE_CHECKING:
     from pydrake.multibody.tree import ModelInstanceIndex
 
 
-def AddPlacedModel(
-    plant: MultibodyPlant, file: Path, *, root: str, X_WR: RigidTransform, frame: str
-) -> ModelInstanceIndex:
-    """Adds a model, welds its `root` link to the world at `X_WR`, and names that place `frame`.
-
-    Scenes weld their models to the named frame, so that they stay with the arm in every mounting.
-
-    Raises:
-        InputError: the file does not parse, or has unknown tags (parsing is strict).
-    """
+def AddPlacedFrame(plant: MultibodyPlant, name: str, X_WF: RigidTransform) -> None:
+    """Names a place in the world, for models and scenes to be welded to."""
     from pydrake.multibody.tree import FixedOffsetFrame
 
-    (model,) = _add_models(plant, file)
-    place = plant.AddFrame(FixedOffsetFrame(frame, plant.world_frame(), X_WR))
-    plant.WeldFrames(place, plant.GetFrameByName(root, model))
-    return model
+    plant.AddFrame(FixedOffsetFrame(name, plant.world_frame(), X_WF))
 
 
 def AddScene(plant: MultibodyPlant, file: Path) -> list[ModelInstanceIndex]:
     """Adds the models of a scene file (`*.dmd.yaml`, or one SDF welded where it says).
 
+    Call `check_anchored` with the result once the plant is finalized.
+
     Raises:
-        InputError: the file does not parse, or a model in it is not fixed to the world.
+        InputError: the file does not parse, or has unknown tags (parsing is strict).
     """
     before = set(_model_instances(plant))
     _add_models(plant, file)
-    added = [model for model in _model_instances(plant) if model not in before]
-    for model in added:
+    return [model for model in _model_instances(plant) if model not in before]
+
+
+def check_anchored(plant: MultibodyPlant, scene: list[ModelInstanceIndex], file: Path) -> None:
+    """Refuses a scene with a body that could fall.
+
+    Raises:
+        InputError: names the body.
+    """
+    for model in scene:
         for index in plant.GetBodyIndices(model):
             body = plant.get_body(index)
             if not plant.IsAnchored(body):
                 raise InputError(
-                    f"{file}: body '{body.name()}' of model "
-                    f"'{plant.GetModelInstanceName(model)}' is loose; must be welded to frame_0 or "
-                    "the world, because the scene does not move"
+                    f"{file}: body '{body.scoped_name()}' is loose; must be welded to frame_0 or "
+                    "to the world, because the scene does not move"
                 )
-    return added
 
 
 def _model_instances(plant: MultibodyPlant) -> list[ModelInstanceIndex]:

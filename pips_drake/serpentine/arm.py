@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pips_drake.config import load_yaml
+from pips_drake.config import load_yaml, require
 from pips_drake.errors import InputError
 from pips_drake.scene.packages import find_arm_file
-from pips_drake.serpentine.arm_file import ArmFile, require
+from pips_drake.serpentine.arm_file import ArmFile
 from pips_drake.serpentine.linkage import Linkage
 from pips_drake.serpentine.motion_base import (
     PRISMATIC,

@@ -6,23 +6,10 @@ Only reading and refusing happen here; `arm.py` turns an `ArmFile` into a `Serpe
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from pips_drake.errors import InputError
+from pips_drake.config import require, require_positive
 from pips_drake.units import JOINT_UNITS
 
 BaseKind = Literal["rail_crane", "gimbal"]
-
-
-def require(condition: bool, name: str, value: object, allowed: str) -> None:
-    """Raises `InputError` as "name = value; must be allowed" unless the condition holds."""
-    if not condition:
-        raise InputError(f"{name} = {value}; must be {allowed}")
-
-
-def require_positive(config: object, *names: str) -> None:
-    """Raises `InputError` unless the named fields are positive."""
-    for name in names:
-        value = getattr(config, name)
-        require(value > 0.0, f"{type(config).__name__}.{name}", value, "> 0")
 
 
 @dataclass

@@ -10,9 +10,6 @@ from pips_drake.serpentine.dh_chain import gravity_efforts
 
 Array = NDArray[np.float64]
 
-#: Standard gravity, m/s^2 (exact by convention).
-STANDARD_GRAVITY = 9.80665
-
 
 def holding_efforts(arm: SerpentineArm, q: ArrayLike, gravity: ArrayLike) -> Array:
     """Joint efforts that hold postures still, (N, joints), N and Nm, positive with the joint value.

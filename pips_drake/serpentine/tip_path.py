@@ -111,6 +111,8 @@ class TipPath:
 
     def samples(self, step: float) -> Array:
         """Arc lengths (N,) m from home to the end, `step` (m) apart, the end included."""
+        if not step > 0.0:
+            raise InputError(f"step = {step} m; must be > 0")
         count = max(1, math.ceil(self.travel / step - 1e-9))
         s = self.home_arc_length + step * np.arange(count + 1)
         s[-1] = self.length
@@ -143,7 +145,7 @@ class PathBuilder:
     """
 
     def __init__(self, *, start: ArrayLike, direction: ArrayLike) -> None:
-        self._point = np.asarray(start, dtype=np.float64)
+        self._point = _vector(start, "start")
         self._direction = _unit(direction, "direction")
         self._rows: list[Array] = []
         self._length = 0.0
@@ -166,7 +168,7 @@ class PathBuilder:
             raise InputError(f"PathBuilder.arc: radius = {radius} m; must be > 0")
         if not 0.0 < angle <= 2.0 * math.pi:
             raise InputError(f"PathBuilder.arc: angle = {angle} rad; must be in (0, 2 pi]")
-        aside = np.asarray(toward, dtype=np.float64)
+        aside = _vector(toward, "toward")
         aside = aside - np.dot(aside, self._direction) * self._direction
         if not np.linalg.norm(aside) > 1e-9:
             raise InputError("PathBuilder.arc: toward lies along the path; must point aside")
@@ -223,15 +225,20 @@ def blended_path(points: ArrayLike, name: str, *, corner_deviation: float = math
     arc of a corner at home begins there and lies beyond it.
 
     Args:
-        corner_deviation: how far an arc may pass from its corner, m. By default arcs are as wide as
+        corner_deviation: how far the path may pass from a corner, m. By default arcs are as wide as
             the spacing of the points lets them be, which is gentlest for the joints.
     """
+    if not corner_deviation > 0.0:
+        raise InputError(f"corner_deviation = {corner_deviation} m; must be > 0")
     vertices = _checked_points(points, name).copy()
     marks = vertices[1:].copy()
     table = polyline_path(vertices, name)
     if len(vertices) > 2 and _turn(vertices[:3]) > STRAIGHT:
         first = vertices[1] - vertices[0]
-        ahead = 0.3 * np.linalg.norm(vertices[2] - vertices[1])
+        # Past home the path stays in the triangle home, moved corner, next point: nowhere farther
+        # from the table's line than the moved corner is.
+        aside = math.sin(min(_turn(vertices[:3]), 0.5 * math.pi))
+        ahead = min(0.3 * float(np.linalg.norm(vertices[2] - vertices[1])), corner_deviation / aside)
         vertices[1] = vertices[1] + ahead * first / np.linalg.norm(first)
     else:
         ahead = 0.0
@@ -307,11 +314,18 @@ def _turn(corner: Array) -> float:
     return math.atan2(float(np.linalg.norm(np.cross(before, after))), float(before @ after))
 
 
-def _unit(vector: ArrayLike, name: str) -> Array:
+def _vector(vector: ArrayLike, name: str) -> Array:
     array = np.asarray(vector, dtype=np.float64)
+    if array.shape != (3,) or not np.all(np.isfinite(array)):
+        raise InputError(f"{name} = {vector}; must be three finite numbers")
+    return array
+
+
+def _unit(vector: ArrayLike, name: str) -> Array:
+    array = _vector(vector, name)
     size = float(np.linalg.norm(array))
-    if array.shape != (3,) or not size > 0.0 or not math.isfinite(size):
-        raise InputError(f"{name} = {vector}; must be three numbers, not all zero")
+    if not size > 0.0:
+        raise InputError(f"{name} = {vector}; must not be zero")
     return array / size
 
 

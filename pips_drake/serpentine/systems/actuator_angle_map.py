@@ -31,11 +31,18 @@ class ActuatorAngleMap(LeafSystem):
       `desired_state` port takes.
 
     State: none. A length with which no triangle closes raises `InputError`.
+
+    Args:
+        arm: the arm.
+        period: if given, the joint rates are the mean ones over the last `period` s of the lengths'
+            motion at their rates. A sum of those meets the joint values exactly, which a
+            derivative's does not.
     """
 
-    def __init__(self, arm: SerpentineArm) -> None:
+    def __init__(self, arm: SerpentineArm, *, period: float | None = None) -> None:
         super().__init__()
         self._arm = arm
+        self._period = period
         self._drive_port = self.DeclareVectorInputPort("drive_state", 2 * arm.joints)
         self.DeclareVectorOutputPort("joint_state", 2 * arm.joints, self._calc_joint_state)
 
@@ -48,4 +55,9 @@ class ActuatorAngleMap(LeafSystem):
                 f"{drive_columns(self._arm)[worst]} = {drives[worst]:.4f}; must be a length with "
                 "which the actuator and its two anchors close a triangle"
             )
-        output.SetFromVector(np.concatenate([q, rates / levers(self._arm, q)]))
+        if self._period is None:
+            v = rates / levers(self._arm, q)
+        else:
+            before = joints_from_drives(self._arm, drives - rates * self._period)
+            v = (q - before) / self._period
+        output.SetFromVector(np.concatenate([q, v]))

@@ -28,20 +28,21 @@ class ActuatorServo(LeafSystem):
     Input ports:
 
     - `drive_state`, (2 J,): commanded drive coordinates (`drives.drive_columns`), m and rad, and
-      their rates, m/s and rad/s.
+      their rates (not used: the set-point's own motion is what the speed limit acts on).
     - `drive_offset`, (J,): added to the command, m and rad; optional, zero when unconnected.
 
     Output ports, both from state (no feedthrough):
 
-    - `setpoint`, (2 J,): drive coordinates and rates as the servos have them.
+    - `setpoint`, (2 J,): drive coordinates as the servos have them at the end of the present period,
+      and their rates over it, m/s and rad/s.
     - `saturation`, (2,): how many drives stand at the end of their stroke, and at their speed limit.
 
     State, discrete, updated every `period` s (default 1/64 s) and at initialization: the outputs.
-    Latency: the command of one update reaches the plant until the next, one period later.
+    Latency: a command is reached one period after the update that sees it.
 
     An update goes towards min(max(command + offset, stroke's ends)) by at most speed limit times
-    period. The commanded rate passes on as long as neither limit acts. The actuators' stiffness and
-    force limit are the plant's (its controller gains and effort limits; fidelity `joint`).
+    period. The actuators' stiffness and force limit are the plant's (its controller gains and
+    effort limits; fidelity `joint`).
     """
 
     def __init__(self, arm: SerpentineArm, *, period: float = 1.0 / 64.0) -> None:
@@ -62,25 +63,24 @@ class ActuatorServo(LeafSystem):
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def _target(self, context: Context) -> tuple[Array, Array]:
-        """Where the drives are sent, within the stroke, and the commanded rate."""
-        command, rate = np.split(self._command_port.Eval(context), 2)
+    def _target(self, context: Context) -> Array:
+        """Where the drives are sent, within the stroke."""
+        command = self._command_port.Eval(context)[: self._drives]
         if self._offset_port.HasValue(context):
             command = command + self._offset_port.Eval(context)
-        return np.clip(command, self._lower, self._upper), rate
+        target: Array = np.clip(command, self._lower, self._upper)
+        return target
 
     def _initialize(self, context: Context, values: DiscreteValues) -> None:
-        target, _ = self._target(context)
-        values.get_mutable_vector(0).SetFromVector(np.append(target, np.zeros(self._drives)))
+        start = np.append(self._target(context), np.zeros(self._drives))
+        values.get_mutable_vector(0).SetFromVector(start)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        target, rate = self._target(context)
-        position = context.get_discrete_state(0).CopyToVector()[: self._drives]
+        target = self._target(context)
+        before = context.get_discrete_state(0).CopyToVector()[: self._drives]
         reach = self._speed * self._period
-        too_fast = np.abs(target - position) > reach
-        position = position + np.clip(target - position, -reach, reach)
-        rate = np.where(too_fast, np.sign(target - position) * self._speed, rate)
+        step = np.clip(target - before, -reach, reach)
         at_end = (target <= self._lower) | (target >= self._upper)
-        rate = np.where(at_end, 0.0, rate)
-        values.get_mutable_vector(0).SetFromVector(np.append(position, rate))
+        too_fast = np.abs(target - before) > reach
+        values.get_mutable_vector(0).SetFromVector(np.append(before + step, step / self._period))
         values.get_mutable_vector(1).SetFromVector([np.sum(at_end), np.sum(too_fast)])

@@ -1,0 +1,492 @@
+"""Figures of a serpentine arm, after FTL-95's Figures D.2 to D.4 and beyond them.
+
+Each function takes plain arrays in SI units and writes one PNG. Nothing here computes: what a
+figure says is what its arguments say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pips_drake.serpentine import kinematics
+from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.twin.figures import (
+    COLORS,
+    MUTED_COLOR,
+    WIDTH,
+    Limit,
+    Line,
+    Mark,
+    Panel,
+    figure_style,
+    new_figure,
+    save_figure,
+    time_series_figure,
+)
+from pips_drake.units import DEGREE, INCH
+
+Array = NDArray[np.float64]
+
+# Spine errors are drawn down to this part of the tolerance.
+_DECADES = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class XAxis:
+    """What the samples are listed by. Make one with `tip_travel` or `time_axis`.
+
+    Attributes:
+        values: (N,), in the label's unit.
+        label: with its unit.
+        second: label of a second axis and what the values are multiplied with there.
+    """
+
+    values: Array
+    label: str
+    second: tuple[str, float] | None = None
+
+
+def tip_travel(tip_arc_lengths: ArrayLike, home_arc_length: float) -> XAxis:
+    """Distance that the tip has travelled since home, from arc lengths (N,) m; in, and m above."""
+    travel = np.asarray(tip_arc_lengths, dtype=np.float64) - home_arc_length
+    return XAxis(values=travel / INCH, label="tip travel (in)", second=("tip travel (m)", INCH))
+
+
+def time_axis(time: ArrayLike) -> XAxis:
+    """Time (N,) s."""
+    return XAxis(values=np.asarray(time, dtype=np.float64), label="time (s)")
+
+
+def joint_values_figure(file: Path, arm: SerpentineArm, x: XAxis, joints: ArrayLike) -> None:
+    """All joints with their limits, after FTL-95 Figure D.3: motion base first, then the modules.
+
+    Args:
+        x: from `tip_travel` or `time_axis`, N samples.
+        joints: (N, joints) m and rad; NaN leaves a gap.
+    """
+    q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
+    base = len(arm.base.joint_names)
+    sliding = [j for j in range(base) if arm.is_prismatic[j]]
+    turning = [j for j in range(base) if not arm.is_prismatic[j]]
+    panels = []
+    if sliding:
+        lines = [
+            Line(x=x.values, y=q[:, j] / INCH, label=symbol(arm.joint_names[j])) for j in sliding
+        ]
+        limits = _limits(arm.joint_lower[sliding] / INCH, arm.joint_upper[sliding] / INCH)
+        panels.append(
+            Panel(
+                title="motion base, sliding",
+                y_label="position (in)",
+                lines=lines,
+                limits=limits,
+                second_y=("position (m)", INCH),
+            )
+        )
+    if turning:
+        panels.append(_angle_panel("motion base, turning", arm, x, q, turning, from_home=True))
+    for module in range(arm.modules):
+        pair = [base + 2 * module, base + 2 * module + 1]
+        panels.append(_angle_panel(f"module {module + 1}", arm, x, q, pair))
+    last = range(base + 2 * arm.modules, arm.joints)
+    rest = [j for j in last if np.any(np.nan_to_num(q[:, j]) != 0.0)]
+    if rest:
+        panels.append(_angle_panel("tip", arm, x, q, rest))
+    figure = time_series_figure(
+        panels,
+        x.label,
+        title=f"Joint values, arm '{arm.name}' (limits dashed)",
+        columns=3,
+        second_x=x.second,
+    )
+    save_figure(figure, file)
+
+
+def iterations_figure(
+    file: Path,
+    x: XAxis,
+    spine_error: ArrayLike,
+    iterations: ArrayLike,
+    *,
+    tolerance: float,
+) -> None:
+    """Spine error and iterations at every tip point, after FTL-95 Figure D.4.
+
+    Args:
+        x: from `tip_travel`, N samples.
+        spine_error: largest distance of a spine point from where it should be, (N,) m.
+        iterations: (N,).
+        tolerance: m.
+    """
+    error = np.asarray(spine_error, dtype=np.float64) / INCH
+    count = np.asarray(iterations)
+    few = "o" if error.size <= 100 else ""
+    worst = _where_least(-error[:, None])
+    marks = []
+    if worst is not None:
+        marks = [_mark(x, error[:, None], worst, f"largest {_short(error[worst[0]])} in")]
+    panels = [
+        Panel(
+            title="spine error after the last iteration",
+            y_label="error (in)",
+            lines=[Line(x=x.values, y=np.where(error > 0.0, error, np.nan), marker=few)],
+            limits=[
+                Limit(value=tolerance / INCH, label=f"tolerance {_short(tolerance / INCH)} in")
+            ],
+            marks=marks,
+            log=True,
+            # Errors of exact points (home) are rounding, many decades below.
+            y_range=(
+                _DECADES * tolerance / INCH,
+                4.0 * max(tolerance / INCH, np.nanmax(error, initial=0.0)),
+            ),
+        ),
+        Panel(
+            title=f"iterations (total {int(count.sum())} at {count.size} tip points)",
+            y_label="iterations",
+            lines=[Line(x=x.values, y=count, marker=few, steps=True, color=COLORS[2])],
+            y_range=(0.0, float(count.max(initial=1)) + 0.5),
+            whole_y=True,
+        ),
+    ]
+    figure = time_series_figure(
+        panels, x.label, title="Follow-the-leader iteration", second_x=x.second
+    )
+    save_figure(figure, file)
+
+
+def actuators_figure(
+    file: Path,
+    arm: SerpentineArm,
+    x: XAxis,
+    lengths: ArrayLike,
+    forces: ArrayLike | None = None,
+) -> None:
+    """Actuators L3 .. : lengths with the strokes' ends, forces as fractions of their limits.
+
+    A column for each size of actuator (equal force limit), strongest first. The least stroke left
+    and the largest fraction of a force are marked with the actuator's name.
+
+    Args:
+        x: from `tip_travel` or `time_axis`, N samples.
+        lengths: (N, A) m.
+        forces: (N, A) N, positive when pushing; None leaves the lower row out.
+    """
+    linkage = arm.linkage
+    length = np.atleast_2d(np.asarray(lengths, dtype=np.float64))
+    left = np.minimum(length - linkage.length_lower, linkage.length_upper - length)
+    tightest = _where_least(left)
+    said = []
+    if tightest is not None:
+        name = arm.actuator_names[tightest[1]]
+        tightest_text = f"{name}: {left[tightest] * 1e3:.1f} mm left"
+        said.append(f"least stroke left {left[tightest] * 1e3:.1f} mm ({name})")
+    fraction = np.full(length.shape, np.nan)
+    if forces is not None:
+        fraction = np.atleast_2d(np.asarray(forces, dtype=np.float64)) / linkage.force_limit
+    hardest = _where_least(-np.abs(fraction))
+    if hardest is not None:
+        name = arm.actuator_names[hardest[1]]
+        hardest_text = f"{name}: {abs(fraction[hardest]):.0%}"
+        said.append(f"largest force {abs(fraction[hardest]):.0%} of its limit ({name})")
+
+    sizes = np.unique(linkage.force_limit)[::-1]
+    groups = [np.flatnonzero(linkage.force_limit == size) for size in sizes]
+    panels = []
+    for group in groups:
+        lower, upper = linkage.length_lower[group] * 1e3, linkage.length_upper[group] * 1e3
+        marks = []
+        if tightest is not None and tightest[1] in group:
+            marks = [_mark(x, length * 1e3, tightest, tightest_text)]
+        panels.append(
+            Panel(
+                title=f"{_span([arm.actuator_names[a] for a in group])}: length",
+                y_label="length (mm)",
+                lines=[
+                    Line(x=x.values, y=length[:, a] * 1e3, label=arm.actuator_names[a])
+                    for a in group
+                ],
+                limits=_limits(lower, upper),
+                marks=marks,
+                legend_below=True,
+            )
+        )
+    for group, size in zip(groups, sizes, strict=True) if forces is not None else ():
+        marks = []
+        if hardest is not None and hardest[1] in group:
+            marks = [_mark(x, fraction, hardest, hardest_text)]
+        panels.append(
+            Panel(
+                title=f"force, limit {size / 1e3:g} kN",
+                y_label="force / limit",
+                lines=[Line(x=x.values, y=fraction[:, a]) for a in group],
+                limits=_limits([-1.0], [1.0]),
+                marks=marks,
+            )
+        )
+    figure = time_series_figure(
+        panels,
+        x.label,
+        title="Actuators: " + (", ".join(said) or "no posture"),
+        columns=len(groups),
+        panel_height=3.2,
+        second_x=x.second,
+    )
+    save_figure(figure, file)
+
+
+def clearance_figure(
+    file: Path,
+    time: ArrayLike,
+    distance: ArrayLike,
+    *,
+    pair: tuple[str, str] | tuple[()] = (),
+    threshold: float | None = None,
+    max_distance: float | None = None,
+    own_distance: ArrayLike | None = None,
+) -> None:
+    """Least distance of the arm to the scene over time, its least point marked.
+
+    Args:
+        time: (N,) s.
+        distance: (N,) m; negative in penetration.
+        pair: the bodies' names at the least point.
+        threshold: what the distance must not fall below, m.
+        max_distance: how far the monitor looks, m. Distances of that much or more mean "nothing
+            nearer"; the line has a gap there.
+        own_distance: of the arm to itself, (N,) m.
+    """
+    t = np.asarray(time, dtype=np.float64)
+    scene = _seen(distance, max_distance)
+    lines = [Line(x=t, y=scene, label="arm to scene")]
+    values = [scene]
+    if own_distance is not None:
+        values.append(_seen(own_distance, max_distance))
+        lines.append(Line(x=t, y=values[-1], label="arm to itself", color=MUTED_COLOR, width=1.0))
+    marks, title = [], "Clearance: nothing within the monitor's reach"
+    least = _where_least(scene[:, None])
+    if least is not None:
+        k = least[0]
+        between = f"\n{pair[0]} to\n{pair[1]}" if pair else ""
+        marks = [Mark(x=t[k], y=scene[k], text=f"{scene[k]:.1f} mm at {t[k]:.2f} s{between}")]
+        title = f"Clearance: least {scene[k]:.1f} mm"
+    limits = []
+    if threshold is not None:
+        limits = [Limit(value=threshold * 1e3, label=f"must stay above {threshold * 1e3:g} mm")]
+    if max_distance is not None:
+        lines.append(
+            Line(
+                x=[t[0], t[-1]],
+                y=[max_distance * 1e3] * 2,
+                label="monitor's reach",
+                color=MUTED_COLOR,
+                style=":",
+                width=1.0,
+            )
+        )
+    low = min([0.0, *(float(np.nanmin(v)) for v in values if not np.isnan(v).all())])
+    panel = Panel(
+        title="least signed distance, sampled",
+        y_label="distance (mm)",
+        lines=lines,
+        limits=limits,
+        marks=marks,
+        y_range=(1.1 * low, None),
+    )
+    save_figure(time_series_figure([panel], "time (s)", title=title, panel_height=3.6), file)
+
+
+def tracking_figure(
+    file: Path,
+    time: ArrayLike,
+    spine_error: ArrayLike,
+    tip_error: ArrayLike,
+    *,
+    uncompensated: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
+    limit: float | None = None,
+) -> None:
+    """How far the simulated spine is from the plan at the same instant.
+
+    Args:
+        time: (N,) s.
+        spine_error: largest over the spine points, (N,) m.
+        tip_error: (N,) m.
+        uncompensated: time (M,) s, spine error (M,) m and tip error (M,) m of the same run without
+            compensation of the deflection; drawn in a panel of its own, because it is much larger.
+        limit: what the spine error must stay below, m.
+    """
+    limits = [] if limit is None else [Limit(value=limit * 1e3, label=f"limit {limit * 1e3:g} mm")]
+    runs = [("deflection compensated", time, spine_error, tip_error)]
+    if uncompensated is not None:
+        runs.append(("not compensated: the sag", *uncompensated))
+    panels = []
+    for title, when, spine, tip in runs:
+        t = np.asarray(when, dtype=np.float64)
+        errors = np.asarray(spine, dtype=np.float64) * 1e3
+        worst = _where_least(-errors[:, None])
+        text = "" if worst is None else f"{errors[worst[0]]:.2f} mm at {t[worst[0]]:.2f} s"
+        panels.append(
+            Panel(
+                title=title,
+                y_label="error (mm)",
+                lines=[
+                    Line(x=t, y=errors, label="worst spine point"),
+                    Line(x=t, y=np.asarray(tip) * 1e3, label="tip", color=COLORS[1], width=1.0),
+                ],
+                limits=limits,
+                marks=[] if worst is None else [Mark(x=t[worst[0]], y=errors[worst[0]], text=text)],
+                y_range=(0.0, None),
+            )
+        )
+    figure = time_series_figure(
+        panels, "time (s)", title="Simulated spine against the plan", panel_height=2.8
+    )
+    save_figure(figure, file)
+
+
+def path_figure(
+    file: Path,
+    arm: SerpentineArm,
+    path_points: ArrayLike,
+    postures: Mapping[str, ArrayLike],
+    *,
+    table_points: ArrayLike | None = None,
+    title: str = "Path and postures",
+) -> None:
+    """Path and arm in two views of frame {0}, after FTL-95 Figure D.2; inches, equal scales.
+
+    The views stand side by side as in a drawing: x0 over z0, and seen along z0, x0 over y0.
+
+    Args:
+        path_points: points along the path, (P, 3) m, dense enough to draw arcs.
+        postures: joint values (joints,) m and rad by name, such as `home` and `end`.
+        table_points: the points that the path was made of, (T, 3) m.
+    """
+    path = np.asarray(path_points, dtype=np.float64) / INCH
+    spines = {
+        name: kinematics.centre_line(arm, q)[0] / INCH
+        for name, q in postures.items()
+        if np.all(np.isfinite(np.asarray(q)))
+    }
+    table = np.empty((0, 3)) if table_points is None else np.asarray(table_points) / INCH
+    everything = np.concatenate([path, table, *spines.values()])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    room = 0.04 * float((high - low).max())
+    low, high = low - room, high + room
+    views = ((2, "z0 (in)"), (1, "y0 (in)"))
+    widths = [float(high[axis] - low[axis]) for axis, _ in views]
+    height = (WIDTH - 1.6) * float(high[0] - low[0]) / sum(widths)
+    with figure_style():
+        figure = new_figure(float(np.clip(height, 2.0, 9.0)) + 1.3, title=title)
+        cells = figure.subplots(1, 2, sharey=True, width_ratios=widths)
+        for axes, (across, label) in zip(cells, views, strict=True):
+            axes.plot(
+                path[:, across],
+                path[:, 0],
+                color=MUTED_COLOR,
+                linewidth=4.0,
+                alpha=0.35,
+                label="path",
+            )
+            if table.size:
+                axes.plot(
+                    table[:, across],
+                    table[:, 0],
+                    "o",
+                    color="black",
+                    markersize=3.5,
+                    markerfacecolor="white",
+                    label="table points",
+                    zorder=4,
+                )
+            for name, spine in spines.items():
+                (line,) = axes.plot(spine[:, across], spine[:, 0], label=name)
+                even = spine[1::2]  # spine points 4, 6, ...: the ones that follow the path
+                axes.plot(even[:, across], even[:, 0], ".", color=line.get_color(), markersize=6.0)
+            axes.set_aspect("equal")
+            axes.set_xlim(low[across], high[across])
+            axes.set_ylim(low[0], high[0])
+            axes.set_xlabel(label)
+        cells[0].set_title("along y0")
+        cells[1].set_title("along z0")
+        cells[0].set_ylabel("x0 (in)")
+        handles, labels = cells[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    save_figure(figure, file)
+
+
+def _angle_panel(
+    title: str,
+    arm: SerpentineArm,
+    x: XAxis,
+    q: Array,
+    joints: list[int],
+    *,
+    from_home: bool = False,
+) -> Panel:
+    """Angles in deg, each by default from zero, with the limits that they have in common or not."""
+    lines = []
+    for k, j in enumerate(joints):
+        label = symbol(arm.joint_names[j])
+        home = arm.joint_home[j] / DEGREE if from_home else 0.0
+        if abs(home) > 1e-9:
+            label += f" {'+' if home < 0.0 else '−'} {abs(home):g}°"
+        lines.append(
+            Line(x=x.values, y=q[:, j] / DEGREE - home, label=label, width=1.2 if k else 2.4)
+        )
+        # The first is wide, so that it shows under another of the same value.
+    homes = arm.joint_home[joints] if from_home else 0.0
+    return Panel(
+        title=title,
+        y_label="angle (deg)",
+        lines=lines,
+        limits=_limits(
+            (arm.joint_lower[joints] - homes) / DEGREE, (arm.joint_upper[joints] - homes) / DEGREE
+        ),
+    )
+
+
+def symbol(joint_name: str) -> str:
+    """A joint's name as the report writes it: `theta4` is θ₄."""
+    subscripts = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+    return joint_name.replace("theta", "θ").translate(subscripts)
+
+
+def _short(value: float) -> str:
+    """Three digits, without a needless zero in the exponent."""
+    return f"{value:.3g}".replace("e-0", "e-")
+
+
+def _span(names: list[str]) -> str:
+    return f"{names[0]} to {names[-1]}" if len(names) > 2 else " and ".join(names)
+
+
+def _limits(lower: ArrayLike, upper: ArrayLike) -> list[Limit]:
+    """Lines for limits, each different one once."""
+    values = np.concatenate([np.ravel(lower), np.ravel(upper)])
+    return [Limit(value=float(value)) for value in np.unique(np.round(values, 6))]
+
+
+def _where_least(values: Array) -> tuple[int, int] | None:
+    """Row and column of the least value (N, K) that is a number; None if none is."""
+    if values.size == 0 or np.isnan(values).all():
+        return None
+    row, column = np.unravel_index(np.nanargmin(values), values.shape)
+    return int(row), int(column)
+
+
+def _mark(x: XAxis, y: Array, where: tuple[int, int], text: str) -> Mark:
+    return Mark(x=float(x.values[where[0]]), y=float(y[where]), text=text)
+
+
+def _seen(distance: ArrayLike, max_distance: float | None) -> Array:
+    """Distances in mm, NaN where nothing is within the monitor's reach."""
+    values = np.array(distance, dtype=np.float64)
+    if max_distance is not None:
+        values[values >= max_distance] = np.nan
+    return values * 1e3

@@ -1,0 +1,305 @@
+"""The serpentine station: arm, scene, follow-the-leader, actuators and monitor as one diagram."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import AffineSystem
+
+from pips_drake.errors import InputError
+from pips_drake.scene.loading import AddPlacedFrame, AddScene, check_anchored
+from pips_drake.scene.packages import find_arm_file, find_path_file, find_scene_file
+from pips_drake.serpentine.arm import SerpentineArm, load_arm
+from pips_drake.serpentine.drives import joint_stiffness
+from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.motion_profile import RestToRestProfile
+from pips_drake.serpentine.mounting import mounting_rotation
+from pips_drake.serpentine.path_file import load_path
+from pips_drake.serpentine.scenario import ActuationConfig, SerpentineScenario
+from pips_drake.serpentine.sdf import make_sdf
+from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.systems.actuator_angle_map import ActuatorAngleMap
+from pips_drake.serpentine.systems.actuator_force_map import ActuatorForceMap
+from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
+from pips_drake.serpentine.systems.actuator_servo import ActuatorServo
+from pips_drake.serpentine.systems.deflection_compensator import DeflectionCompensator
+from pips_drake.serpentine.systems.follow_the_leader_controller import FollowTheLeaderController
+from pips_drake.serpentine.systems.tip_path_source import TipPathSource
+from pips_drake.serpentine.tip_path import TipPath
+from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
+from pips_drake.units import INCH
+
+Array = NDArray[np.float64]
+
+#: Name of the frame in which scenes and paths are given: the arm's frame {0}, fixed in the world.
+BASE_FRAME = "frame_0"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SerpentineSetup:
+    """What a scenario names, loaded: the arm, its path, the solver and the scene's file."""
+
+    arm: SerpentineArm
+    path: TipPath
+    solver: FollowTheLeader
+    scene_file: Path | None
+
+
+def load_setup(scenario: SerpentineScenario, *, folder: Path | None = None) -> SerpentineSetup:
+    """Loads the arm, path and scene of a scenario; relative files are looked for in `folder`.
+
+    Raises:
+        InputError: a name is unknown, or a file cannot be used.
+    """
+    arm = load_arm(find_arm_file(scenario.arm, inside=folder))
+    path = load_path(
+        find_path_file(scenario.path, inside=folder),
+        smooth=scenario.corner_deviation_in > 0.0,
+        corner_deviation=scenario.corner_deviation_in * INCH,
+    )
+    solver = FollowTheLeader(
+        arm,
+        tolerance=scenario.solver.tolerance_in * INCH,
+        max_iterations=scenario.solver.max_iterations,
+    )
+    scene_file = find_scene_file(scenario.scene, inside=folder) if scenario.scene else None
+    return SerpentineSetup(arm=arm, path=path, solver=solver, scene_file=scene_file)
+
+
+def mounting_pose(scenario: SerpentineScenario) -> RigidTransform:
+    """Pose X_W0 of the arm's frame {0} in the world."""
+    rotation = RotationMatrix(mounting_rotation(scenario.mounting))
+    return RigidTransform(rotation, scenario.mounting_position_m)
+
+
+def AddSerpentineArm(
+    plant: MultibodyPlant, arm: SerpentineArm, X_W0: RigidTransform
+) -> ModelInstanceIndex:
+    """Adds the arm, generated from its data, with its rail welded to the world at `X_W0`.
+
+    The plant gets the frame `frame_0` there, for scenes to be welded to.
+    """
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    (model,) = parser.AddModelsFromString(make_sdf(arm), "sdf")
+    AddPlacedFrame(plant, BASE_FRAME, X_W0)
+    plant.WeldFrames(
+        plant.GetFrameByName(BASE_FRAME), plant.GetFrameByName(arm.rail.name, model)
+    )
+    return model
+
+
+def make_plant(
+    builder: DiagramBuilder, setup: SerpentineSetup, scenario: SerpentineScenario
+) -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
+    """Adds a finalized plant with arm and scene; the arm's default posture is home on its path."""
+    plant, scene_graph = AddMultibodyPlant(
+        MultibodyPlantConfig(
+            time_step=1.0 / scenario.clocks.plant_hz,
+            # Lagged is the fast one, and honours implicit PD gains (TAMSI ignores them silently).
+            discrete_contact_approximation="lagged",
+        ),
+        builder,
+    )
+    model = AddSerpentineArm(plant, setup.arm, mounting_pose(scenario))
+    scene = [] if setup.scene_file is None else AddScene(plant, setup.scene_file)
+    plant.Finalize()
+    if setup.scene_file is not None:
+        check_anchored(plant, scene, setup.scene_file)
+    home = setup.solver.solve(setup.path, [setup.path.home_arc_length])
+    if not home.solved[0]:
+        raise InputError(setup.solver.explain(setup.path, home, 0))
+    plant.SetDefaultPositions(model, home.joints[0])
+    return plant, scene_graph, model
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuationPorts:
+    """Ports of an arm's drives: what goes in, and what comes back."""
+
+    setpoint: OutputPort
+    drive_effort: OutputPort
+
+
+def AddActuation(
+    builder: DiagramBuilder,
+    *,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    setup: SerpentineSetup,
+    drive_state: OutputPort,
+    joint_state: OutputPort,
+    config: ActuationConfig,
+    period: float,
+) -> ActuationPorts:
+    """Connects commanded drives to the plant, with the fidelity that `config` names.
+
+    `joint`: servo, then the inverse linkage, then the plant's implicit PD, whose gains are in the
+    arm's model. Between two updates of the servo the joints' set-points move on straight lines: held
+    still, a stiff drive would answer each update with a kick (of kilonewtons on the rail).
+    Latency: one control period in the servo, and one plant step.
+    """
+    arm = setup.arm
+    servo = builder.AddNamedSystem("actuator_servo", ActuatorServo(arm, period=period))
+    angle_map = builder.AddNamedSystem("actuator_angle_map", ActuatorAngleMap(arm, period=period))
+    force_map = builder.AddNamedSystem("actuator_force_map", ActuatorForceMap(arm))
+    builder.Connect(drive_state, servo.GetInputPort("drive_state"))
+    start = plant.GetDefaultPositions(model)
+    if config.compensate_deflection:
+        # Gravity as the arm's base frame sees it.
+        X_W0 = plant.GetFrameByName(BASE_FRAME).GetFixedPoseInBodyFrame()
+        gravity = X_W0.rotation().inverse() @ plant.gravity_field().gravity_vector()
+        start = start + holding_efforts(arm, start, gravity)[0] / joint_stiffness(arm)
+        compensator = builder.AddNamedSystem(
+            "deflection_compensator", DeflectionCompensator(arm, gravity=gravity)
+        )
+        builder.Connect(joint_state, compensator.GetInputPort("joint_state"))
+        builder.Connect(
+            compensator.GetOutputPort("drive_offset"), servo.GetInputPort("drive_offset")
+        )
+    builder.Connect(servo.GetOutputPort("setpoint"), angle_map.GetInputPort("drive_state"))
+    interpolator = builder.AddNamedSystem(
+        "setpoint_interpolator", _make_interpolator(start, plant.time_step())
+    )
+    builder.Connect(angle_map.GetOutputPort("joint_state"), interpolator.get_input_port())
+    builder.Connect(interpolator.get_output_port(), plant.get_desired_state_input_port(model))
+    builder.Connect(plant.get_state_output_port(model), force_map.GetInputPort("joint_state"))
+    builder.Connect(
+        plant.get_net_actuation_output_port(model), force_map.GetInputPort("joint_effort")
+    )
+    return ActuationPorts(
+        setpoint=servo.GetOutputPort("setpoint"),
+        drive_effort=force_map.GetOutputPort("drive_effort"),
+    )
+
+
+def _make_interpolator(start: Array, time_step: float) -> AffineSystem:
+    """Joint set-points that move at the input's rates: x+ = x + dt v, output (x, v)."""
+    n = start.size
+    one, zero = np.eye(n), np.zeros((n, n))
+    interpolator = AffineSystem(
+        A=one,
+        B=np.hstack([zero, time_step * one]),
+        f0=np.zeros(n),
+        C=np.vstack([one, zero]),
+        D=np.block([[zero, zero], [zero, one]]),
+        y0=np.zeros(2 * n),
+        time_period=time_step,
+    )
+    interpolator.configure_default_state(start)
+    return interpolator
+
+
+def MakeSerpentineStation(
+    scenario: SerpentineScenario, *, setup: SerpentineSetup | None = None
+) -> Diagram:
+    """The station of a scenario: a finished diagram, not yet simulated.
+
+    Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
+    `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
+    `setpoint_interpolator`, `deflection_compensator` (if compensated), `clearance_monitor`.
+
+    Input port: `tip_path_source.command` (1,), optional.
+
+    Output ports, as `<system>.<port>` (each is described at its system): `tip_path_source.tip`,
+    `tip_path_source.phase`, `follow_the_leader.joint_state`, `follow_the_leader.solution`,
+    `actuator_length_map.drive_state`, `actuator_servo.setpoint`, `actuator_servo.saturation`,
+    `actuator_force_map.drive_effort`, `clearance_monitor.clearance`, `clearance_monitor.witness`;
+    and of the plant and scene graph `plant.state` (2 J,) of the arm, `plant.net_actuation` (J,),
+    `scene_graph.query`.
+
+    Latencies: a source's update is seen by the controller at once, by the servo at its next update
+    (one control period, 1/64 s by default), and reached one period after that, plus one plant step;
+    the monitor sees the plant's last step. From command to plant at most 3 / control_hz +
+    1 / plant_hz.
+
+    Args:
+        setup: what the scenario names, if it is loaded already.
+
+    Raises:
+        InputError: something the scenario names cannot be used.
+    """
+    setup = setup or load_setup(scenario)
+    arm, path = setup.arm, setup.path
+    period = 1.0 / scenario.clocks.control_hz
+    motion = scenario.motion
+    builder = DiagramBuilder()
+    plant, scene_graph, model = make_plant(builder, setup, scenario)
+    source = builder.AddNamedSystem(
+        "tip_path_source",
+        TipPathSource(
+            path,
+            RestToRestProfile.make(
+                travel=path.travel, speed=motion.tip_speed_mm_per_s * 1e-3, ramp=motion.ramp_s
+            ),
+            dwell=motion.dwell_s,
+            retract=motion.retract,
+            period=period,
+        ),
+    )
+    leader = builder.AddNamedSystem(
+        "follow_the_leader", FollowTheLeaderController(setup.solver, period=period)
+    )
+    length_map = builder.AddNamedSystem("actuator_length_map", ActuatorLengthMap(arm))
+    builder.Connect(source.GetOutputPort("tip"), leader.GetInputPort("tip"))
+    builder.Connect(source.GetOutputPort("path"), leader.GetInputPort("path"))
+    builder.Connect(leader.GetOutputPort("joint_state"), length_map.GetInputPort("joint_state"))
+    AddActuation(
+        builder,
+        plant=plant,
+        model=model,
+        setup=setup,
+        drive_state=length_map.GetOutputPort("drive_state"),
+        joint_state=leader.GetOutputPort("joint_state"),
+        config=scenario.actuation,
+        period=period,
+    )
+    monitor = builder.AddNamedSystem(
+        "clearance_monitor",
+        ClearanceMonitor(
+            plant,
+            robot=[model],
+            max_distance=scenario.clearance_range_m,
+            period=1.0 / scenario.clocks.clearance_hz,
+        ),
+    )
+    builder.Connect(scene_graph.get_query_output_port(), monitor.GetInputPort("query_object"))
+    builder.Connect(plant.get_body_poses_output_port(), monitor.GetInputPort("body_poses"))
+    builder.Connect(
+        plant.get_body_spatial_velocities_output_port(),
+        monitor.GetInputPort("body_spatial_velocities"),
+    )
+    builder.ExportInput(source.GetInputPort("command"), "tip_path_source.command")
+    for name in (
+        "tip_path_source.tip",
+        "tip_path_source.phase",
+        "follow_the_leader.joint_state",
+        "follow_the_leader.solution",
+        "actuator_length_map.drive_state",
+        "actuator_servo.setpoint",
+        "actuator_servo.saturation",
+        "actuator_force_map.drive_effort",
+        "clearance_monitor.clearance",
+        "clearance_monitor.witness",
+    ):
+        system, port = name.split(".")
+        builder.ExportOutput(builder.GetSubsystemByName(system).GetOutputPort(port), name)
+    builder.ExportOutput(plant.get_state_output_port(model), "plant.state")
+    builder.ExportOutput(plant.get_net_actuation_output_port(model), "plant.net_actuation")
+    builder.ExportOutput(scene_graph.get_query_output_port(), "scene_graph.query")
+    diagram = builder.Build()
+    diagram.set_name("serpentine_station")
+    return diagram
