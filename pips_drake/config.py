@@ -182,7 +182,7 @@ def _parse(text: str) -> Any:
         if node is None:
             raise InputError("empty; must be a mapping")
         _refuse_repeated_keys(node, set())
-        return yaml_load(data=text)
+        data = yaml_load(data=text, private=True)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f"line {mark.line + 1}: " if mark else ""
@@ -191,6 +191,9 @@ def _parse(text: str) -> Any:
         raise InputError(f"not YAML: {_first_line(error)}") from None
     except RecursionError:
         raise InputError("not usable YAML: nested too deeply") from None
+    if isinstance(data, dict):  # pydrake's convention: root keys such as _template are nobody's
+        data = {key: item for key, item in data.items() if not str(key).startswith("_")}
+    return data
 
 
 def _refuse_repeated_keys(node: yaml.Node, seen: set[int]) -> None:
