@@ -89,6 +89,7 @@ class Solution:
         first_spine_error: the same after the first iteration, (N,) m.
         failing_part: module (`OFF_PATH`) or base row (`BASE_OUT_OF_REACH`), from 0; else -1.
         base_excess: by how much the base's sine or cosine exceeds 1, (N,).
+        module_lengths: Q_i as updated last, (N, M) m; at `OFF_PATH` those that did not fit.
     """
 
     tip_arc_lengths: Array
@@ -101,6 +102,7 @@ class Solution:
     first_spine_error: Array
     failing_part: NDArray[np.int64]
     base_excess: Array
+    module_lengths: Array
 
     @property
     def solved(self) -> NDArray[np.bool_]:
@@ -151,7 +153,7 @@ class FollowTheLeader:
     def solve(self, path: TipPath, tip_arc_lengths: ArrayLike) -> Solution:
         """Postures for tips at arc lengths (N,) m of the path, in that order."""
         s = np.atleast_1d(np.asarray(tip_arc_lengths, dtype=np.float64))
-        q, spine, arcs, status, iterations, errors, part, excess = solver.solve_points(
+        q, spine, arcs, status, iterations, errors, part, excess, lengths = solver.solve_points(
             self._pieces(path),
             s,
             self._chain,
@@ -175,6 +177,7 @@ class FollowTheLeader:
             first_spine_error=errors[:, 1],
             failing_part=part,
             base_excess=excess,
+            module_lengths=lengths,
         )
 
     def solve_one(
@@ -235,8 +238,9 @@ class FollowTheLeader:
         status, part = int(solution.status[index]), int(solution.failing_part[index])
         if status == solver.NOT_CONVERGED:
             return (
-                f"{where}: spine error {solution.spine_error[index] / INCH:.3g} in after "
-                f"{solution.iterations[index]} iterations; must be <= {self.tolerance / INCH:.3g} in"
+                f"{where}: spine error {solution.spine_error[index] / INCH:.3g} in "
+                f"after {solution.iterations[index]} iterations; "
+                f"must be <= {self.tolerance / INCH:.3g} in"
             )
         if status == solver.OFF_PATH:
             return f"{where}: {self._off_path_text(path, solution, index, part)}"
@@ -255,9 +259,9 @@ class FollowTheLeader:
         centre = solution.spine_points[index, module + 1]
         s = solution.spine_arc_lengths[index, module + 1]
         start = float(np.linalg.norm(path.point(0.0) - centre))
-        needed = float(self._average[module])
+        needed = float(solution.module_lengths[index, module])
         return (
-            f"the sphere about spine point {outer} (at {s:.4f} m of the path) meets no earlier part "
-            f"of the path: module {module + 1} needs {needed / INCH:.3f} in and the path's start is "
-            f"{start / INCH:.3f} in away, {max(0.0, needed - start) / INCH:.3f} in too near"
+            f"the sphere about spine point {outer} (at {s:.4f} m of the path) meets no earlier "
+            f"part of the path: module {module + 1} needs {needed / INCH:.3f} in and the path's "
+            f"start is {start / INCH:.3f} in away, {(needed - start) / INCH:.3f} in too near"
         )

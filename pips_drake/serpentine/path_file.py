@@ -36,6 +36,8 @@ class PieceConfig:
             raise InputError("pieces: each must have either 'line' or 'arc'")
         if self.arc is not None and (self.angle_deg is None or self.toward is None):
             raise InputError("pieces: an arc needs 'angle_deg' and 'toward'")
+        if self.line is not None and (self.angle_deg is not None or self.toward is not None):
+            raise InputError("pieces: a line has no 'angle_deg' and no 'toward'")
 
 
 @dataclass

@@ -200,7 +200,8 @@ def solve_points(
 
     Returns:
         joints (N, B + 2 M + 1), spine (N, M + 1, 3), arc lengths (N, M + 1), status (N,),
-        iterations (N,), errors (N, 2) last and first, failing part (N,), excess (N,).
+        iterations (N,), errors (N, 2) last and first, failing part (N,), excess (N,), module
+        lengths (N, M): as updated last, which at `OFF_PATH` are those that did not fit.
     """
     n, modules = s_tips.size, chain.shape[0]
     q = np.zeros((n, base_dh.shape[0] + 2 * modules + 1))
@@ -211,6 +212,7 @@ def solve_points(
     errors = np.empty((n, 2))
     part = np.empty(n, dtype=np.int64)
     excess = np.empty(n)
+    lengths = np.empty((n, modules))
     q_lengths = initial_q_lengths.copy()
     for i in range(n):
         if not carry_over:
@@ -231,10 +233,11 @@ def solve_points(
             arc_lengths[i],
         )
         status[i], iterations[i], errors[i, 0], errors[i, 1], part[i], excess[i] = result
+        lengths[i] = q_lengths
         if status[i] > NOT_CONVERGED:
             q[i] = np.nan
             q_lengths[:] = initial_q_lengths
-    return q, spine, arc_lengths, status, iterations, errors, part, excess
+    return q, spine, arc_lengths, status, iterations, errors, part, excess, lengths
 
 
 @numba.njit(cache=True)

@@ -99,7 +99,7 @@ class TipPath:
         return points.reshape(*s.shape, 3), tangents.reshape(*s.shape, 3)
 
     def nearest(self, points: ArrayLike, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
-        """Distance and arc length (N,) m of the part [low, high] (N,) m nearest to points (N, 3)."""
+        """Distance and arc length (N,) m where [low, high] (N,) m is nearest to points (N, 3)."""
         points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         shape = points.shape[:1]
         return nearest_on_path(
@@ -114,7 +114,7 @@ class TipPath:
         if not step > 0.0:
             raise InputError(f"step = {step} m; must be > 0")
         count = max(1, math.ceil(self.travel / step - 1e-9))
-        s = self.home_arc_length + step * np.arange(count + 1)
+        s: Array = self.home_arc_length + step * np.arange(count + 1, dtype=np.float64)
         s[-1] = self.length
         return s
 
@@ -162,7 +162,7 @@ class PathBuilder:
     def arc(self, *, radius: float, angle: float, toward: ArrayLike) -> Self:
         """Turns by `angle` rad on a circle of `radius` m, in the plane of the tangent and `toward`.
 
-        `toward` (3,) is the side that the path turns to; only its part square to the tangent counts.
+        `toward` (3,) is the side that the path turns to; its part square to the tangent counts.
         """
         if not radius > 0.0:
             raise InputError(f"PathBuilder.arc: radius = {radius} m; must be > 0")
@@ -238,7 +238,9 @@ def blended_path(points: ArrayLike, name: str, *, corner_deviation: float = math
         # Past home the path stays in the triangle home, moved corner, next point: nowhere farther
         # from the table's line than the moved corner is.
         aside = math.sin(min(_turn(vertices[:3]), 0.5 * math.pi))
-        ahead = min(0.3 * float(np.linalg.norm(vertices[2] - vertices[1])), corner_deviation / aside)
+        ahead = min(
+            0.3 * float(np.linalg.norm(vertices[2] - vertices[1])), corner_deviation / aside
+        )
         vertices[1] = vertices[1] + ahead * first / np.linalg.norm(first)
     else:
         ahead = 0.0
@@ -317,7 +319,7 @@ def _turn(corner: Array) -> float:
 def _vector(vector: ArrayLike, name: str) -> Array:
     array = np.asarray(vector, dtype=np.float64)
     if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise InputError(f"{name} = {vector}; must be three finite numbers")
+        raise InputError(f"{name} = {array}; must be three finite numbers")
     return array
 
 
@@ -325,7 +327,7 @@ def _unit(vector: ArrayLike, name: str) -> Array:
     array = _vector(vector, name)
     size = float(np.linalg.norm(array))
     if not size > 0.0:
-        raise InputError(f"{name} = {vector}; must not be zero")
+        raise InputError(f"{name} = {array}; must not be zero")
     return array / size
 
 
