@@ -27,13 +27,31 @@ from pips_drake.twin.figures import (
     new_figure,
     save_figure,
     time_series_figure,
+    where_least,
 )
+from pips_drake.twin.run_figures import clearance_figure, tracking_figure
 from pips_drake.units import DEGREE, INCH
+
+__all__ = [
+    "XAxis",
+    "actuators_figure",
+    "clearance_figure",
+    "iterations_figure",
+    "joint_values_figure",
+    "path_figure",
+    "symbol",
+    "time_axis",
+    "tip_travel",
+    "tracking_figure",
+]
 
 Array = NDArray[np.float64]
 
 # Spine errors are drawn down to this part of the tolerance.
 _DECADES = 1e-4
+# Follow-the-leader leaves the last joint at zero. It gets a panel only if it moves more than this,
+# rad: a simulated one always quivers.
+_STILL = 0.1 * DEGREE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +99,7 @@ def joint_values_figure(file: Path, arm: SerpentineArm, x: XAxis, joints: ArrayL
         limits = _limits(arm.joint_lower[sliding] / INCH, arm.joint_upper[sliding] / INCH)
         panels.append(
             Panel(
-                title="motion base, sliding",
+                title="base, sliding",
                 y_label="position (in)",
                 lines=lines,
                 limits=limits,
@@ -89,12 +107,12 @@ def joint_values_figure(file: Path, arm: SerpentineArm, x: XAxis, joints: ArrayL
             )
         )
     if turning:
-        panels.append(_angle_panel("motion base, turning", arm, x, q, turning, from_home=True))
+        panels.append(_angle_panel("base, turning", arm, x, q, turning, from_home=True))
     for module in range(arm.modules):
         pair = [base + 2 * module, base + 2 * module + 1]
         panels.append(_angle_panel(f"module {module + 1}", arm, x, q, pair))
     last = range(base + 2 * arm.modules, arm.joints)
-    rest = [j for j in last if np.any(np.nan_to_num(q[:, j]) != 0.0)]
+    rest = [j for j in last if np.any(np.abs(q[:, j]) > _STILL)]
     if rest:
         panels.append(_angle_panel("tip", arm, x, q, rest))
     figure = time_series_figure(
@@ -124,9 +142,10 @@ def iterations_figure(
         tolerance: m.
     """
     error = np.asarray(spine_error, dtype=np.float64) / INCH
+    error = np.where(np.isfinite(error), error, np.nan)
     count = np.asarray(iterations)
     few = "o" if error.size <= 100 else ""
-    worst = _where_least(-error[:, None])
+    worst = where_least(-error[:, None])
     marks = []
     if worst is not None:
         marks = [_mark(x, error[:, None], worst, f"largest {_short(error[worst[0]])} in")]
@@ -169,8 +188,8 @@ def actuators_figure(
 ) -> None:
     """Actuators L3 .. : lengths with the strokes' ends, forces as fractions of their limits.
 
-    A column for each size of actuator (equal force limit), strongest first. The least stroke left
-    and the largest fraction of a force are marked with the actuator's name.
+    A column for each size of actuator (equal force limit), strongest first. The title says the
+    least stroke left and the largest fraction of a force, and rings mark where they are.
 
     Args:
         x: from `tip_travel` or `time_axis`, N samples.
@@ -180,19 +199,17 @@ def actuators_figure(
     linkage = arm.linkage
     length = np.atleast_2d(np.asarray(lengths, dtype=np.float64))
     left = np.minimum(length - linkage.length_lower, linkage.length_upper - length)
-    tightest = _where_least(left)
+    tightest = where_least(left)
     said = []
     if tightest is not None:
         name = arm.actuator_names[tightest[1]]
-        tightest_text = f"{name}: {left[tightest] * 1e3:.1f} mm left"
         said.append(f"least stroke left {left[tightest] * 1e3:.1f} mm ({name})")
     fraction = np.full(length.shape, np.nan)
     if forces is not None:
         fraction = np.atleast_2d(np.asarray(forces, dtype=np.float64)) / linkage.force_limit
-    hardest = _where_least(-np.abs(fraction))
+    hardest = where_least(-np.abs(fraction))
     if hardest is not None:
         name = arm.actuator_names[hardest[1]]
-        hardest_text = f"{name}: {abs(fraction[hardest]):.0%}"
         said.append(f"largest force {abs(fraction[hardest]):.0%} of its limit ({name})")
 
     sizes = np.unique(linkage.force_limit)[::-1]
@@ -202,7 +219,7 @@ def actuators_figure(
         lower, upper = linkage.length_lower[group] * 1e3, linkage.length_upper[group] * 1e3
         marks = []
         if tightest is not None and tightest[1] in group:
-            marks = [_mark(x, length * 1e3, tightest, tightest_text)]
+            marks = [_mark(x, length * 1e3, tightest, arm.actuator_names[tightest[1]])]
         panels.append(
             Panel(
                 title=f"{_span([arm.actuator_names[a] for a in group])}: length",
@@ -213,13 +230,13 @@ def actuators_figure(
                 ],
                 limits=_limits(lower, upper),
                 marks=marks,
-                legend_below=True,
+                long_legend=True,
             )
         )
     for group, size in zip(groups, sizes, strict=True) if forces is not None else ():
         marks = []
         if hardest is not None and hardest[1] in group:
-            marks = [_mark(x, fraction, hardest, hardest_text)]
+            marks = [_mark(x, fraction, hardest, arm.actuator_names[hardest[1]])]
         panels.append(
             Panel(
                 title=f"force, limit {size / 1e3:g} kN",
@@ -236,115 +253,6 @@ def actuators_figure(
         columns=len(groups),
         panel_height=3.2,
         second_x=x.second,
-    )
-    save_figure(figure, file)
-
-
-def clearance_figure(
-    file: Path,
-    time: ArrayLike,
-    distance: ArrayLike,
-    *,
-    pair: tuple[str, str] | tuple[()] = (),
-    threshold: float | None = None,
-    max_distance: float | None = None,
-    own_distance: ArrayLike | None = None,
-) -> None:
-    """Least distance of the arm to the scene over time, its least point marked.
-
-    Args:
-        time: (N,) s.
-        distance: (N,) m; negative in penetration.
-        pair: the bodies' names at the least point.
-        threshold: what the distance must not fall below, m.
-        max_distance: how far the monitor looks, m. Distances of that much or more mean "nothing
-            nearer"; the line has a gap there.
-        own_distance: of the arm to itself, (N,) m.
-    """
-    t = np.asarray(time, dtype=np.float64)
-    scene = _seen(distance, max_distance)
-    lines = [Line(x=t, y=scene, label="arm to scene")]
-    values = [scene]
-    if own_distance is not None:
-        values.append(_seen(own_distance, max_distance))
-        lines.append(Line(x=t, y=values[-1], label="arm to itself", color=MUTED_COLOR, width=1.0))
-    marks, title = [], "Clearance: nothing within the monitor's reach"
-    least = _where_least(scene[:, None])
-    if least is not None:
-        k = least[0]
-        between = f"\n{pair[0]} to\n{pair[1]}" if pair else ""
-        marks = [Mark(x=t[k], y=scene[k], text=f"{scene[k]:.1f} mm at {t[k]:.2f} s{between}")]
-        title = f"Clearance: least {scene[k]:.1f} mm"
-    limits = []
-    if threshold is not None:
-        limits = [Limit(value=threshold * 1e3, label=f"must stay above {threshold * 1e3:g} mm")]
-    if max_distance is not None:
-        lines.append(
-            Line(
-                x=[t[0], t[-1]],
-                y=[max_distance * 1e3] * 2,
-                label="monitor's reach",
-                color=MUTED_COLOR,
-                style=":",
-                width=1.0,
-            )
-        )
-    low = min([0.0, *(float(np.nanmin(v)) for v in values if not np.isnan(v).all())])
-    panel = Panel(
-        title="least signed distance, sampled",
-        y_label="distance (mm)",
-        lines=lines,
-        limits=limits,
-        marks=marks,
-        y_range=(1.1 * low, None),
-    )
-    save_figure(time_series_figure([panel], "time (s)", title=title, panel_height=3.6), file)
-
-
-def tracking_figure(
-    file: Path,
-    time: ArrayLike,
-    spine_error: ArrayLike,
-    tip_error: ArrayLike,
-    *,
-    uncompensated: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
-    limit: float | None = None,
-) -> None:
-    """How far the simulated spine is from the plan at the same instant.
-
-    Args:
-        time: (N,) s.
-        spine_error: largest over the spine points, (N,) m.
-        tip_error: (N,) m.
-        uncompensated: time (M,) s, spine error (M,) m and tip error (M,) m of the same run without
-            compensation of the deflection; drawn in a panel of its own, because it is much larger.
-        limit: what the spine error must stay below, m.
-    """
-    limits = [] if limit is None else [Limit(value=limit * 1e3, label=f"limit {limit * 1e3:g} mm")]
-    runs = [("deflection compensated", time, spine_error, tip_error)]
-    if uncompensated is not None:
-        runs.append(("not compensated: the sag", *uncompensated))
-    panels = []
-    for title, when, spine, tip in runs:
-        t = np.asarray(when, dtype=np.float64)
-        errors = np.asarray(spine, dtype=np.float64) * 1e3
-        worst = _where_least(-errors[:, None])
-        text = "" if worst is None else f"{errors[worst[0]]:.2f} mm at {t[worst[0]]:.2f} s"
-        panels.append(
-            Panel(
-                title=title,
-                y_label="error (mm)",
-                lines=[
-                    Line(x=t, y=errors, label="worst spine point"),
-                    Line(x=t, y=np.asarray(tip) * 1e3, label="tip", color=COLORS[1], width=1.0),
-                ],
-                limits=limits,
-                marks=[] if worst is None else [Mark(x=t[worst[0]], y=errors[worst[0]], text=text)],
-                y_range=(0.0, None),
-            )
-        )
-    figure = time_series_figure(
-        panels, "time (s)", title="Simulated spine against the plan", panel_height=2.8
     )
     save_figure(figure, file)
 
@@ -382,7 +290,7 @@ def path_figure(
     widths = [float(high[axis] - low[axis]) for axis, _ in views]
     height = (WIDTH - 1.6) * float(high[0] - low[0]) / sum(widths)
     with figure_style():
-        figure = new_figure(float(np.clip(height, 2.0, 9.0)) + 1.3, title=title)
+        figure = new_figure(float(np.clip(height, 2.0, 9.0)) + 1.5, title=title)
         cells = figure.subplots(1, 2, sharey=True, width_ratios=widths)
         for axes, (across, label) in zip(cells, views, strict=True):
             axes.plot(
@@ -404,16 +312,18 @@ def path_figure(
                     label="table points",
                     zorder=4,
                 )
-            for name, spine in spines.items():
-                (line,) = axes.plot(spine[:, across], spine[:, 0], label=name)
+            for k, (name, spine) in enumerate(spines.items()):
+                # Ever thinner, so that postures show under each other where they share the path.
+                width = max(1.2, 3.4 - 1.1 * k)
+                (line,) = axes.plot(spine[:, across], spine[:, 0], label=name, linewidth=width)
                 even = spine[1::2]  # spine points 4, 6, ...: the ones that follow the path
-                axes.plot(even[:, across], even[:, 0], ".", color=line.get_color(), markersize=6.0)
+                axes.plot(even[:, across], even[:, 0], ".", color=line.get_color(), markersize=7.0)
             axes.set_aspect("equal")
             axes.set_xlim(low[across], high[across])
             axes.set_ylim(low[0], high[0])
             axes.set_xlabel(label)
-        cells[0].set_title("along y0")
-        cells[1].set_title("along z0")
+        cells[0].set_title("seen along y0")
+        cells[1].set_title("seen along z0")
         cells[0].set_ylabel("x0 (in)")
         handles, labels = cells[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
@@ -437,7 +347,7 @@ def _angle_panel(
         if abs(home) > 1e-9:
             label += f" {'+' if home < 0.0 else '−'} {abs(home):g}°"
         lines.append(
-            Line(x=x.values, y=q[:, j] / DEGREE - home, label=label, width=1.2 if k else 2.4)
+            Line(x=x.values, y=q[:, j] / DEGREE - home, label=label, width=1.2 if k else 2.2)
         )
         # The first is wide, so that it shows under another of the same value.
     homes = arm.joint_home[joints] if from_home else 0.0
@@ -472,21 +382,5 @@ def _limits(lower: ArrayLike, upper: ArrayLike) -> list[Limit]:
     return [Limit(value=float(value)) for value in np.unique(np.round(values, 6))]
 
 
-def _where_least(values: Array) -> tuple[int, int] | None:
-    """Row and column of the least value (N, K) that is a number; None if none is."""
-    if values.size == 0 or np.isnan(values).all():
-        return None
-    row, column = np.unravel_index(np.nanargmin(values), values.shape)
-    return int(row), int(column)
-
-
 def _mark(x: XAxis, y: Array, where: tuple[int, int], text: str) -> Mark:
     return Mark(x=float(x.values[where[0]]), y=float(y[where]), text=text)
-
-
-def _seen(distance: ArrayLike, max_distance: float | None) -> Array:
-    """Distances in mm, NaN where nothing is within the monitor's reach."""
-    values = np.array(distance, dtype=np.float64)
-    if max_distance is not None:
-        values[values >= max_distance] = np.nan
-    return values * 1e3

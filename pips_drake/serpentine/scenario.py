@@ -52,6 +52,8 @@ class ActuationConfig:
     fidelity: str = "joint"
     # Send the drives farther by gravity's static deflection, so that the arm stands where wanted.
     compensate_deflection: bool = True
+    # Also run the way out without compensation, so that the figure shows the sag.
+    show_uncompensated: bool = False
 
     def validate(self) -> None:
         require(self.fidelity == "joint", "actuation.fidelity", self.fidelity, "joint")
@@ -88,6 +90,10 @@ class CheckConfig:
     force_fraction_max: float = 1.0
     # Largest share of its speed limit that a drive may need.
     speed_fraction_max: float = 1.0
+    # How far the simulated joints may overrun limits that the plan keeps, deg and mm: the drives
+    # have that much room beyond.
+    joint_overrun_max_deg: float = 0.1
+    rail_overrun_max_mm: float = 1.0
 
     def validate(self) -> None:
         for name in ("tracking_error_max_mm", "force_fraction_max", "speed_fraction_max"):

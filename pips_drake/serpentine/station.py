@@ -126,6 +126,13 @@ def make_plant(
     return plant, scene_graph, model
 
 
+def gravity_in_frame_0(plant: MultibodyPlant) -> Array:
+    """The plant's gravity as the arm's base frame sees it, (3,) m/s^2."""
+    X_W0 = plant.GetFrameByName(BASE_FRAME).GetFixedPoseInBodyFrame()
+    gravity: Array = X_W0.rotation().inverse() @ plant.gravity_field().gravity_vector()
+    return gravity
+
+
 @dataclass(frozen=True, kw_only=True)
 class ActuationPorts:
     """Ports of an arm's drives: what goes in, and what comes back."""
@@ -159,9 +166,7 @@ def AddActuation(
     builder.Connect(drive_state, servo.GetInputPort("drive_state"))
     start = plant.GetDefaultPositions(model)
     if config.compensate_deflection:
-        # Gravity as the arm's base frame sees it.
-        X_W0 = plant.GetFrameByName(BASE_FRAME).GetFixedPoseInBodyFrame()
-        gravity = X_W0.rotation().inverse() @ plant.gravity_field().gravity_vector()
+        gravity = gravity_in_frame_0(plant)
         start = start + holding_efforts(arm, start, gravity)[0] / joint_stiffness(arm)
         compensator = builder.AddNamedSystem(
             "deflection_compensator", DeflectionCompensator(arm, gravity=gravity)

@@ -1,0 +1,312 @@
+"""The `pips` command.
+
+Exit codes: 0 done and passed; 1 readable, but not followable or failed its checks (the folder is
+kept: it shows where); 2 bad input (one line, nothing written); 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from pips_drake.errors import InputError, PipsError
+
+if TYPE_CHECKING:
+    from pydrake.geometry import Meshcat
+
+    from pips_drake.twin.verdict import Verdict
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+@dataclass(kw_only=True)
+class Follow:
+    """Solve follow-the-leader along a path: joints, actuator lengths, figures.
+
+    Writes joints.csv, joints_in_deg.csv, spine_points.csv, actuators.csv, summary.json and figures.
+    """
+
+    path: tyro.conf.Positional[str]
+    """A shipped path (see `pips list`), a CSV with columns x_in,y_in,z_in or x_m,y_m,z_m, or a YAML
+    list of lines and arcs. Row 1 is the base end of the straight line, row 2 the home tip."""
+    arm: str = "prototype"
+    """A shipped arm, or an arm file."""
+    step_in: float | None = None
+    """Spacing of the tip along the path, in. Without it the tip visits the path's own points."""
+    tolerance_in: float = 1e-9
+    """Spine error at which the iteration stops, in. Above 1e-9 in the report's mode: module lengths
+    carry over from point to point (the report's own tolerance is 0.1)."""
+    max_iterations: int = 50
+    """Iteration limit a tip position; a point that needs more fails."""
+    out: Path | None = None
+    """Folder to write; out/follow_PATH by default."""
+    force: bool = False
+    """Replace an earlier result in that folder."""
+
+    def run(self) -> int:
+        from pips_drake.serpentine.follow import follow
+
+        verdict = follow(
+            self.path,
+            arm=self.arm,
+            step_in=self.step_in,
+            tolerance_in=self.tolerance_in,
+            max_iterations=self.max_iterations,
+            out=self.out or _default_folder("follow", self.path),
+            force=self.force,
+        )
+        return _report(verdict, _FOLLOW_LINES)
+
+
+@dataclass(kw_only=True)
+class Check:
+    """Judge a path in a scene without simulating: limits, clearance, forces, speeds."""
+
+    path: tyro.conf.Positional[str]
+    """A shipped path, or a file as for `pips follow`. Corners of a table are blended by arcs."""
+    arm: str = "prototype"
+    """A shipped arm, or an arm file."""
+    scene: str | None = None
+    """A shipped scene or a file (*.dmd.yaml); `none` for no scene. Without it, the shipped scene of
+    the path's name."""
+    mounting: str = "pad"
+    """laboratory, pad or pad_below: how the arm's base stands."""
+    corner_deviation_in: float = 0.25
+    """How far a blended corner may pass from its point, in; 0 keeps the corners."""
+    out: Path | None = None
+    """Folder to write summary and figures to; nothing is written without it."""
+    force: bool = False
+    """Replace an earlier result in that folder."""
+
+    def run(self) -> int:
+        from pips_drake.config import validate
+        from pips_drake.serpentine.check import check, scene_of_path
+        from pips_drake.serpentine.scenario import SerpentineScenario
+
+        scene = scene_of_path(self.path) if self.scene is None else self.scene
+        scenario = SerpentineScenario(
+            path=self.path,
+            arm=self.arm,
+            scene="" if scene == "none" else scene,
+            mounting=self.mounting,
+            corner_deviation_in=self.corner_deviation_in,
+        )
+        validate(scenario)
+        name = Path(self.path).stem
+        return _report(check(scenario, name=name, out=self.out, force=self.force), _CHECK_LINES)
+
+
+@dataclass(kw_only=True)
+class Simulate:
+    """Simulate a scenario of any machine, and write its verdict, numbers, figures and replay."""
+
+    scenario: tyro.conf.Positional[str]
+    """A shipped scenario (see `pips list`), or a YAML file."""
+    out: Path | None = None
+    """Folder to write; out/SCENARIO by default."""
+    overrides: Annotated[list[str], tyro.conf.arg(name="set", metavar="KEY=VALUE")] = field(
+        default_factory=list
+    )
+    """Change fields of the scenario, such as motion.dwell_s=2 checks.clearance_min_mm=40."""
+    force: bool = False
+    """Replace an earlier result in that folder."""
+    meshcat: bool = False
+    """Serve the run on localhost while it goes on, in any web browser."""
+
+    def run(self) -> int:
+        from pips_drake.scenarios import load_scenario, simulate
+
+        loaded = load_scenario(self.scenario, _parse_overrides(self.overrides))
+        meshcat = _serve_meshcat() if self.meshcat else None
+        out = self.out or Path("out") / loaded.name
+        return _report(
+            simulate(loaded, out=out, force=self.force, meshcat=meshcat), _SIMULATE_LINES
+        )
+
+
+@dataclass(kw_only=True)
+class View:
+    """Show a model in the browser with a slider a joint (Drake's model visualizer)."""
+
+    model: tyro.conf.Positional[str]
+    """A shipped model (see `pips list`), or an SDF, URDF or MJCF file."""
+    once: bool = False
+    """Load and publish the model once, then stop: a check that it can be shown."""
+
+    def run(self) -> int:
+        from pips_drake.twin.model_viewer import view_model
+
+        view_model(self.model, once=self.once)
+        return DONE
+
+
+@dataclass(kw_only=True)
+class List:
+    """List the shipped scenarios, paths, arms, scenes and models."""
+
+    def run(self) -> int:
+        from pips_drake.scenarios import scenario_descriptions
+        from pips_drake.scene.packages import list_names
+
+        descriptions = scenario_descriptions()
+        width = max(len(name) for name in descriptions)
+        print("scenarios (pips simulate NAME)")
+        for name, text in descriptions.items():
+            print(f"  {name:<{width}}  {text}")
+        for kind, command in (
+            ("path", "pips follow NAME, pips check NAME"),
+            ("arm", "--arm NAME"),
+            ("scene", "pips check PATH --scene NAME"),
+            ("model", "pips view NAME"),
+        ):
+            print(f"{kind}s ({command})")
+            print("  " + "  ".join(list_names(kind)))
+        return DONE
+
+
+@dataclass(kw_only=True)
+class Export:
+    """Write an arm as SDF, generated from its arm file."""
+
+    arm: tyro.conf.Positional[str]
+    """A shipped arm, or an arm file."""
+    out: Path | None = None
+    """File to write; ARM.sdf in the current folder by default."""
+    force: bool = False
+    """Replace an existing file."""
+
+    def run(self) -> int:
+        from pips_drake.serpentine.arm import load_arm
+        from pips_drake.serpentine.sdf import make_sdf
+        from pips_drake.twin.output_folder import write_whole
+
+        arm = load_arm(self.arm)
+        file = self.out or Path(f"{arm.name}.sdf")
+        if file.exists() and not self.force:
+            raise InputError(f"{file} exists; use --force to replace it")
+        if not file.parent.is_dir():
+            raise InputError(f"{file.parent}: no such folder")
+        write_whole(file, make_sdf(arm))
+        print(file)
+        return DONE
+
+
+Command = (
+    Annotated[Follow, tyro.conf.subcommand("follow")]
+    | Annotated[Check, tyro.conf.subcommand("check")]
+    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[View, tyro.conf.subcommand("view")]
+    | Annotated[List, tyro.conf.subcommand("list")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
+)
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Parses the command line, runs the command, and exits with its code."""
+    command: Any = tyro.cli(
+        Command,
+        prog="pips",
+        description="Digital twin of NASA's PIPS serpentine arm: will it touch anything, and can the "
+        "arm do it?",
+        args=args,
+        use_underscores=True,
+        config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
+    )
+    try:
+        code = command.run()
+    except InputError as error:
+        print(f"pips: {error}", file=sys.stderr)
+        code = BAD_INPUT
+    except PipsError as error:
+        print(f"pips: {error}", file=sys.stderr)
+        code = FAILED
+    except KeyboardInterrupt:
+        print("pips: interrupted; nothing was written", file=sys.stderr)
+        code = INTERRUPTED
+    sys.exit(code)
+
+
+#: What is printed of a summary: key, words, factor, unit.
+Line = tuple[str, str, float, str]
+
+_PLAN_LINES: tuple[Line, ...] = (
+    ("path_deviation_max_m", "centre line to path, at most", 1e3, "mm"),
+    ("joint_margin_min_rad", "joint limits, left at least", 57.29577951308232, "deg"),
+)
+_FOLLOW_LINES: tuple[Line, ...] = (
+    ("tip_positions", "tip positions", 1, ""),
+    ("iterations_max", "iterations, at most", 1, ""),
+    ("spine_error_max_m", "spine error, at most", 1 / 0.0254, "in"),
+    *_PLAN_LINES,
+)
+_CLEARANCE_LINES: tuple[Line, ...] = (
+    ("clearance_sampled_min_m", "clearance to the scene, sampled least", 1e3, "mm"),
+    ("self_clearance_sampled_min_m", "clearance to itself, sampled least", 1e3, "mm"),
+)
+_DRIVE_LINES: tuple[Line, ...] = (
+    ("actuator_force_max_fraction", "actuator force, at most", 100, "% of its limit"),
+    ("drive_speed_max_fraction", "drive speed, at most", 100, "% of its limit"),
+)
+_CHECK_LINES = (*_CLEARANCE_LINES, *_PLAN_LINES, *_DRIVE_LINES)
+_SIMULATE_LINES: tuple[Line, ...] = (
+    *_CLEARANCE_LINES,
+    ("spine_error_max_m", "spine to plan, at most", 1e3, "mm"),
+    *_PLAN_LINES,
+    *_DRIVE_LINES,
+    ("cycle_time_s", "out, dwell and back", 1, "s"),
+    ("real_time_rate", "simulated", 1, "times real time"),
+)
+
+
+def _report(verdict: Verdict, lines: Sequence[Line]) -> int:
+    """Prints a verdict for a person; returns the exit code."""
+    summary = verdict.summary
+    print(f"{summary.get('path', '')}: {verdict.word.upper()}")
+    for failure in verdict.failures:
+        print(f"  {failure}")
+    for key, words, factor, unit in lines:
+        if summary.get(key) is not None:
+            print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
+    if verdict.folder is not None:
+        print(f"  written to {verdict.folder}")
+    return DONE if verdict.passed else FAILED
+
+
+def _shown(summary: Mapping[str, Any], key: str, factor: float) -> str:
+    value = f"{float(summary[key]) * factor:.4g}"
+    if key != "clearance_sampled_min_m":
+        return value
+    if not summary.get("clearance_in_range", True):
+        return f"over {value}"
+    return value
+
+
+def _default_folder(command: str, name: str) -> Path:
+    return Path("out") / f"{command}_{Path(name).stem}"
+
+
+def _parse_overrides(words: Sequence[str]) -> dict[str, str]:
+    overrides = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not (key and equals):
+            raise InputError(f"--set {word}: must be KEY=VALUE, such as motion.dwell_s=2")
+        overrides[key] = value
+    return overrides
+
+
+def _serve_meshcat() -> Meshcat:
+    from pips_drake.twin.replay import make_meshcat
+
+    meshcat = make_meshcat()
+    print(f"Meshcat: {meshcat.web_url()}")
+    return meshcat
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,171 @@
+"""`pips check`: the verdict on a path in a scene, without simulating."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder
+
+from pips_drake.config import dump_yaml
+from pips_drake.errors import UnknownNameError
+from pips_drake.scene.packages import find_scene_file
+from pips_drake.serpentine import figures
+from pips_drake.serpentine.follow import drive_numbers, plan_numbers, write_plan_figures
+from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.station import (
+    SerpentineSetup,
+    gravity_in_frame_0,
+    load_setup,
+    make_plant,
+)
+from pips_drake.twin.clearance import ClearanceQuery, LeastDistance
+from pips_drake.twin.output_folder import output_folder, write_whole
+from pips_drake.twin.summary import versions, write_summary
+from pips_drake.twin.verdict import Verdict
+
+
+def scene_of_path(path: str) -> str:
+    """The shipped scene that belongs to a path: of its own name, or of its table's; else none."""
+    for name in (path, path.removesuffix("_arcs")):
+        try:
+            find_scene_file(name)
+        except UnknownNameError:
+            continue
+        return name
+    return ""
+
+
+def check(
+    scenario: SerpentineScenario,
+    *,
+    name: str,
+    out: Path | None = None,
+    force: bool = False,
+    folder: Path | None = None,
+) -> Verdict:
+    """Plans a scenario's path and judges the plan: limits, clearance, forces and speeds.
+
+    Postures are a quarter inch of tip travel apart. Clearance is sampled at them; forces are those
+    of statics in the scenario's mounting; speeds are those at its tip speed.
+
+    Args:
+        name: for the summary.
+        out: a folder to write; none without it.
+        force: replace an earlier result there.
+        folder: where the scenario's relative file names start.
+
+    Raises:
+        InputError: something that the scenario names cannot be used; nothing is written.
+    """
+    setup = load_setup(scenario, folder=folder)
+    if out is None:
+        return _check(scenario, setup, name)[0]
+    with output_folder(out, force=force) as partial:
+        verdict, plan, clearance = _check(scenario, setup, name)
+        pictures = partial / "figures"
+        pictures.mkdir()
+        write_plan_figures(pictures, plan)
+        if clearance:
+            figures.clearance_figure(
+                pictures / "clearance.png",
+                plan.solution.tip_arc_lengths[plan.solution.solved] - plan.path.home_arc_length,
+                [scene.distance for scene, _ in clearance],
+                pair=min((scene for scene, _ in clearance), key=lambda s: s.distance).pair,
+                threshold=scenario.checks.clearance_min_mm * 1e-3,
+                max_distance=scenario.clearance_range_m,
+                own_distance=[own.distance for _, own in clearance],
+                x_label="tip travel (m)",
+            )
+        write_whole(partial / "scenario.yaml", dump_yaml(scenario))
+        write_summary(partial / "summary.json", verdict.summary)
+    return Verdict(failures=verdict.failures, summary=verdict.summary, folder=out)
+
+
+Clearances = list[tuple[LeastDistance, LeastDistance]]
+
+
+def _check(
+    scenario: SerpentineScenario, setup: SerpentineSetup, name: str
+) -> tuple[Verdict, Plan, Clearances]:
+    plan = make_plan(setup.arm, setup.path)
+    failures = list(plan.failures)
+    summary = plan_numbers(plan) | {"scenario": name, "scene": scenario.scene or None}
+    clearance: Clearances = []
+    if plan.solution.solved.any():
+        builder = DiagramBuilder()
+        plant, scene_graph, model = make_plant(builder, setup, scenario)
+        diagram = builder.Build()
+        clearance = _sample_clearance(plan, scenario, diagram, plant, scene_graph, model)
+        gravity = gravity_in_frame_0(plant)
+        efforts = holding_efforts(setup.arm, plan.joints[plan.solution.solved], gravity)
+        speed = scenario.motion.tip_speed_mm_per_s * 1e-3
+        summary |= drive_numbers(plan, efforts, speed) | _clearance_numbers(plan, clearance)
+        failures += _failures(scenario, plan, clearance, summary)
+    summary |= {
+        "verdict": "fail" if failures else "pass",
+        "failures": failures,
+        "versions": versions(),
+    }
+    return Verdict(failures=tuple(failures), summary=summary), plan, clearance
+
+
+def _sample_clearance(
+    plan: Plan, scenario: SerpentineScenario, diagram: Any, plant: Any, scene_graph: Any, model: Any
+) -> Clearances:
+    query = ClearanceQuery(plant, [model], max_distance=scenario.clearance_range_m)
+    context = diagram.CreateDefaultContext()
+    plant_context = plant.GetMyContextFromRoot(context)
+    scene_context = scene_graph.GetMyContextFromRoot(context)
+    result = []
+    for q in plan.joints[plan.solution.solved]:
+        plant.SetPositions(plant_context, model, q)
+        result.append(query.least(scene_graph.get_query_output_port().Eval(scene_context)))
+    return result
+
+
+def _clearance_numbers(plan: Plan, clearance: Clearances) -> dict[str, Any]:
+    solved = plan.solution.tip_arc_lengths[plan.solution.solved]
+    least = int(np.argmin([scene.distance for scene, _ in clearance]))
+    return {
+        "clearance_sampled_min_m": clearance[least][0].distance,
+        "clearance_min_pair": list(clearance[least][0].pair),
+        "clearance_min_tip_arc_length_m": solved[least],
+        "clearance_in_range": bool(clearance[least][0].pair),
+        "self_clearance_sampled_min_m": min(own.distance for _, own in clearance),
+    }
+
+
+def _failures(
+    scenario: SerpentineScenario, plan: Plan, clearance: Clearances, numbers: dict[str, Any]
+) -> list[str]:
+    checks, found = scenario.checks, []
+    least = numbers["clearance_sampled_min_m"]
+    if least < checks.clearance_min_mm * 1e-3:
+        robot, other = numbers["clearance_min_pair"]
+        word = "penetrates" if least < 0.0 else "comes too near to"
+        found.append(
+            f"{robot} {word} {other}: {least * 1e3:.1f} mm with the tip at "
+            f"{numbers['clearance_min_tip_arc_length_m']:.4f} m of path '{plan.path.name}'; must be "
+            f">= {checks.clearance_min_mm:g} mm"
+        )
+    own = numbers["self_clearance_sampled_min_m"]
+    if own < checks.self_clearance_min_mm * 1e-3:
+        nearest = min((pair for _, pair in clearance), key=lambda pair: pair.distance)
+        found.append(
+            f"{' and '.join(nearest.pair)} come too near to each other: {own * 1e3:.1f} mm; must be "
+            f">= {checks.self_clearance_min_mm:g} mm"
+        )
+    for key, limit, what in (
+        ("drive_effort_max_fraction", checks.force_fraction_max, "effort"),
+        ("drive_speed_max_fraction", checks.speed_fraction_max, "speed"),
+    ):
+        if numbers[key] > limit:
+            found.append(
+                f"a drive needs {100.0 * numbers[key]:.0f} % of its {what} limit; must be <= "
+                f"{100.0 * limit:g} %"
+            )
+    return found

@@ -1,0 +1,281 @@
+"""Simulates a serpentine scenario and writes what it found."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import DrakeVisualizer, DrakeVisualizerParams, Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+
+from pips_drake.config import dump_yaml
+from pips_drake.serpentine import figures
+from pips_drake.serpentine.assessment import Assessment, RunData
+from pips_drake.serpentine.drives import drive_columns, effort_columns
+from pips_drake.serpentine.follow import plan_numbers, write_plan_figures
+from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
+from pips_drake.twin.output_folder import output_folder, write_whole
+from pips_drake.twin.recording import Series, write_csv
+from pips_drake.twin.simulation import RunTime, advance
+from pips_drake.twin.summary import versions, write_summary
+from pips_drake.twin.verdict import Verdict
+
+Array = NDArray[np.float64]
+
+_LOGGED = (
+    "plant.state",
+    "plant.net_actuation",
+    "tip_path_source.tip",
+    "follow_the_leader.joint_state",
+    "follow_the_leader.solution",
+    "clearance_monitor.clearance",
+    "clearance_monitor.witness",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """A finished run: the station, what it recorded, and how long it took."""
+
+    diagram: Diagram
+    station: Diagram
+    data: RunData
+    run_time: RunTime
+
+
+def simulate(
+    scenario: SerpentineScenario,
+    *,
+    name: str,
+    out: Path,
+    force: bool = False,
+    folder: Path | None = None,
+    meshcat: Meshcat | None = None,
+) -> Verdict:
+    """Plans, simulates and judges a scenario, and writes its folder.
+
+    Args:
+        name: the scenario's name, for the summary and titles.
+        out: the folder to write; it appears whole or not at all.
+        force: replace an earlier result there.
+        folder: where the scenario's relative file names start.
+        meshcat: shows the run while it goes on.
+
+    Raises:
+        InputError: something that the scenario names cannot be used; nothing is written.
+    """
+    setup = load_setup(scenario, folder=folder)
+    with output_folder(out, force=force) as partial:
+        plan = make_plan(setup.arm, setup.path)
+        if plan.followable:
+            summary, failures = _simulate_into(partial, scenario, setup, plan, name, meshcat)
+        else:
+            summary, failures = plan_numbers(plan), list(plan.failures)
+        (partial / "figures").mkdir(exist_ok=True)
+        write_plan_figures(partial / "figures", plan)
+        summary = {"arm": setup.arm.name, "path": setup.path.name} | summary
+        summary |= {
+            "path_version": setup.path.version,
+            "scenario": name,
+            "path_corner_deviation_m": setup.path.deviation,
+            "verdict": "fail" if failures else "pass",
+            "failures": failures,
+            "versions": versions(),
+        }
+        write_whole(partial / "scenario.yaml", dump_yaml(scenario))
+        write_summary(partial / "summary.json", summary)
+    return Verdict(failures=tuple(failures), summary=summary, folder=out)
+
+
+def run_station(
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    *,
+    meshcat: Meshcat | None = None,
+    label: str = "simulating",
+) -> Run:
+    """Builds a scenario's station with logs around it, and runs it from start to end."""
+    station = MakeSerpentineStation(scenario, setup=setup)
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("station", station)
+    period = 1.0 / scenario.clocks.record_hz
+    logs: dict[str, VectorLogSink] = {}
+    for port in _LOGGED:
+        logs[port] = LogVectorOutput(station.GetOutputPort(port), builder, period)
+        logs[port].set_name(f"log.{port}")
+    query = station.GetOutputPort("scene_graph.query")
+    # Meldis listens on LCM: it shows whatever runs.
+    DrakeVisualizer.AddToBuilder(
+        builder, query, params=DrakeVisualizerParams(publish_period=1.0 / 32.0)
+    )
+    if meshcat is not None:
+        AddReplayVisualizer(builder, query, meshcat)
+    diagram = builder.Build()
+    diagram.set_name("serpentine_run")
+    simulator = Simulator(diagram)
+    source = station.GetSubsystemByName("tip_path_source")
+    duration = source.duration + scenario.motion.settle_s
+    if scenario.duration_s > 0.0:
+        duration = min(duration, scenario.duration_s)
+    run_time = advance(simulator, duration, label=label)
+    context = simulator.get_context()
+    recorded = {port: log.FindLog(context) for port, log in logs.items()}
+    monitor = station.GetSubsystemByName("clearance_monitor")
+    rows = {port: log.data().T for port, log in recorded.items()}
+    joints = setup.arm.joints
+    data = RunData(
+        time=recorded["plant.state"].sample_times(),
+        tip_arc_lengths=rows["tip_path_source.tip"][:, 0],
+        commanded_joints=rows["follow_the_leader.joint_state"][:, :joints],
+        joints=rows["plant.state"][:, :joints],
+        joint_rates=rows["plant.state"][:, joints:],
+        joint_efforts=rows["plant.net_actuation"],
+        clearance=rows["clearance_monitor.clearance"][:, 0],
+        self_clearance=rows["clearance_monitor.clearance"][:, 2],
+        pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
+        solution=rows["follow_the_leader.solution"],
+    )
+    return Run(diagram=diagram, station=station, data=data, run_time=run_time)
+
+
+def _simulate_into(
+    folder: Path,
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    plan: Plan,
+    name: str,
+    meshcat: Meshcat | None,
+) -> tuple[dict[str, Any], list[str]]:
+    """Runs a followable scenario and writes everything but the summary."""
+    run = run_station(scenario, setup, meshcat=meshcat)
+    assessment = Assessment(
+        arm=setup.arm,
+        path=setup.path,
+        solver=setup.solver,
+        checks=scenario.checks,
+        data=run.data,
+        clearance_range=scenario.clearance_range_m,
+    )
+    sagging = None
+    if scenario.actuation.show_uncompensated and scenario.actuation.compensate_deflection:
+        sagging = _uncompensated(scenario, setup)
+    _write_series(folder, assessment)
+    _write_run_figures(folder, assessment, sagging)
+    _write_diagram(folder, run.diagram)
+    summary = assessment.summary() | {
+        "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
+        "simulated_s": run.run_time.simulated_s,
+        "wall_s": run.run_time.wall_s,
+        "real_time_rate": run.run_time.real_time_rate,
+        "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
+    }
+    if sagging is not None:
+        summary["spine_error_max_uncompensated_m"] = sagging.spine_errors.max()
+    return summary, assessment.failures()
+
+
+def _uncompensated(scenario: SerpentineScenario, setup: SerpentineSetup) -> Assessment:
+    """The way out alone, without compensation of the deflection."""
+    other: SerpentineScenario = copy.deepcopy(scenario)
+    other.actuation.compensate_deflection = False
+    other.motion.retract = False
+    run = run_station(other, setup, label="simulating without compensation")
+    return Assessment(
+        arm=setup.arm,
+        path=setup.path,
+        solver=setup.solver,
+        checks=scenario.checks,
+        data=run.data,
+        clearance_range=scenario.clearance_range_m,
+    )
+
+
+def _write_series(folder: Path, assessment: Assessment) -> None:
+    arm, data = assessment.arm, assessment.data
+    tip = np.column_stack(
+        [
+            data.tip_arc_lengths,
+            assessment.spine_errors[:, -1],
+            assessment.spine_errors.max(axis=1),
+            assessment.deviation,
+        ]
+    )
+    clearance = np.column_stack([data.clearance, data.self_clearance])
+    for name, values, columns in (
+        ("joints", data.joints, arm.joint_columns),
+        ("joints_commanded", data.commanded_joints, arm.joint_columns),
+        (
+            "actuators",
+            np.hstack([assessment.drive_coordinates, assessment.drive_efforts]),
+            drive_columns(arm) + effort_columns(arm),
+        ),
+        ("clearance", clearance, ("clearance_m", "self_clearance_m")),
+        (
+            "tip",
+            tip,
+            ("tip_arc_length_m", "tip_error_m", "spine_error_m", "path_deviation_m"),
+        ),
+    ):
+        series = Series(time=data.time, values=values, columns=columns)
+        write_csv(series, folder / f"{name}.csv")
+
+
+def _write_run_figures(
+    folder: Path, assessment: Assessment, sagging: Assessment | None
+) -> None:
+    pictures = folder / "figures"
+    pictures.mkdir(exist_ok=True)
+    arm, data, first = assessment.arm, assessment.data, assessment.arm.first_actuated_joint
+    figures.actuators_figure(
+        pictures / "actuators.png",
+        arm,
+        figures.time_axis(data.time),
+        assessment.drive_coordinates[:, first:],
+        assessment.drive_efforts[:, first:],
+    )
+    figures.clearance_figure(
+        pictures / "clearance.png",
+        data.time,
+        data.clearance,
+        pair=data.pairs[assessment.nearest] or (),
+        threshold=assessment.checks.clearance_min_mm * 1e-3,
+        max_distance=assessment.clearance_range,
+        own_distance=data.self_clearance,
+    )
+    uncompensated = None
+    if sagging is not None:
+        errors = sagging.spine_errors
+        uncompensated = (sagging.data.time, errors.max(axis=1), errors[:, -1])
+    figures.tracking_figure(
+        pictures / "tracking.png",
+        data.time,
+        assessment.spine_errors.max(axis=1),
+        assessment.spine_errors[:, -1],
+        uncompensated=uncompensated,
+        limit=assessment.checks.tracking_error_max_mm * 1e-3,
+    )
+
+
+def _write_diagram(folder: Path, diagram: Diagram) -> None:
+    """`diagram.dot`, and `diagram.svg` where Graphviz is installed."""
+    dot = folder / "diagram.dot"
+    write_whole(dot, diagram.GetGraphvizString(max_depth=2))
+    renderer = shutil.which("dot")
+    if renderer is not None:
+        subprocess.run(
+            [renderer, "-Tsvg", str(dot), "-o", str(folder / "diagram.svg")],
+            check=False,
+            capture_output=True,
+            timeout=60,
+        )

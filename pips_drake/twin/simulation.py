@@ -1,0 +1,86 @@
+"""Runs a diagram: progress, finite numbers, and the time it took."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tqdm import tqdm
+
+from pips_drake.errors import PipsError
+
+if TYPE_CHECKING:
+    from pydrake.systems.analysis import Simulator
+
+#: Simulated time between two looks at progress and state, s.
+STRIDE = 0.25
+
+
+class DivergedError(PipsError):
+    """The simulation has left the numbers that mean anything.
+
+    Attributes:
+        time: when it was noticed, s.
+    """
+
+    def __init__(self, time_s: float) -> None:
+        self.time = time_s
+        super().__init__(f"the simulated state is not finite at {time_s:.3f} s; take smaller steps")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunTime:
+    """How long a run took."""
+
+    simulated_s: float
+    wall_s: float
+
+    @property
+    def real_time_rate(self) -> float:
+        """Simulated seconds a second."""
+        return self.simulated_s / self.wall_s
+
+
+def advance(simulator: Simulator, duration: float, *, label: str = "simulating") -> RunTime:
+    """Initializes a simulator and advances it by `duration` s.
+
+    A progress bar appears when standard error is a terminal. Every `STRIDE` the state is looked at:
+    Drake goes on with NaN without a word.
+
+    Raises:
+        DivergedError: the state is not finite.
+    """
+    simulator.Initialize()
+    context = simulator.get_context()
+    start, begin = context.get_time(), time.perf_counter()
+    with tqdm(
+        total=round(duration, 3),
+        desc=label,
+        unit="s",
+        disable=not sys.stderr.isatty(),
+        bar_format="{l_bar}{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}<{remaining}]",
+    ) as bar:
+        done = 0.0
+        while done < duration:
+            step = min(STRIDE, duration - done)
+            done = min(done + step, duration)
+            simulator.AdvanceTo(start + done)
+            bar.update(step)
+            _check_finite(simulator)
+    return RunTime(simulated_s=duration, wall_s=time.perf_counter() - begin)
+
+
+def _check_finite(simulator: Simulator) -> None:
+    context = simulator.get_context()
+    state = [context.get_continuous_state_vector().CopyToVector()]
+    discrete = context.get_discrete_state()
+    # Measurements may say "none" with NaN; positions and velocities may not. The plant's state is
+    # the largest group.
+    if discrete.num_groups():
+        sizes = [discrete.get_vector(i).size() for i in range(discrete.num_groups())]
+        state.append(discrete.get_vector(int(np.argmax(sizes))).CopyToVector())
+    if not all(np.all(np.isfinite(part)) for part in state):
+        raise DivergedError(context.get_time())
