@@ -194,7 +194,8 @@ def time_series_figure(
             if second_x is not None:
                 add_second_axis(drawn[-1], "x", *second_x)
         figure.align_ylabels()
-        figure.draw_without_rendering()  # lays out, so that marks know where there is room
+        figure.draw_without_rendering()  # lays out, so that marks know where there is room;
+        figure.set_layout_engine("none")  # once is enough, and takes most of the time
         for axes, panel in zip(cells, panels, strict=False):
             for mark in panel.marks:
                 add_mark(axes, mark)

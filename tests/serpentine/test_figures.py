@@ -1,0 +1,181 @@
+"""Figures of an arm: one panel a module, the worst actuator named, nothing cut off or covered."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.figure
+import numpy as np
+import pytest
+
+from pips_drake.serpentine import figures
+from pips_drake.serpentine.arm import SerpentineArm, load_arm
+from pips_drake.serpentine.follow_the_leader import REPORT_TOLERANCE, FollowTheLeader, Solution
+from pips_drake.serpentine.path_file import load_path
+from pips_drake.serpentine.tip_path import TipPath
+from pips_drake.units import INCH
+
+NOWHERE = Path("a.png")
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[mpl.figure.Figure]:
+    """The figures instead of files."""
+    found: list[mpl.figure.Figure] = []
+    monkeypatch.setattr(figures, "save_figure", lambda figure, file: found.append(figure))
+    return found
+
+
+@pytest.fixture(scope="module")
+def arm() -> SerpentineArm:
+    return load_arm("prototype")
+
+
+@pytest.fixture(scope="module")
+def path() -> TipPath:
+    return load_path("trajectory_4")
+
+
+@pytest.fixture(scope="module")
+def solution(arm: SerpentineArm, path: TipPath) -> Solution:
+    return FollowTheLeader(arm, tolerance=REPORT_TOLERANCE).solve(path, path.marks)
+
+
+@pytest.fixture(scope="module")
+def travel(path: TipPath) -> figures.XAxis:
+    return figures.tip_travel(path.marks, path.home_arc_length)
+
+
+def drawn_texts(figure: mpl.figure.Figure) -> list[mpl.text.Text]:
+    """The texts that drawing the figure draws (tick labels out of range exist, but are not)."""
+    found = []
+    draw = mpl.text.Text.draw
+
+    def draw_and_note(text: mpl.text.Text, renderer: object) -> None:
+        if text.get_visible() and text.get_text().strip() and text not in found:
+            found.append(text)
+        draw(text, renderer)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mpl.text.Text, "draw", draw_and_note)
+        figure.canvas.draw()
+    return found
+
+
+def check_layout(figure: mpl.figure.Figure) -> str:
+    """Fails if a text leaves the figure or overlaps another; returns all texts."""
+    boxes = [
+        (text.get_text(), mpl.text.Text.get_window_extent(text)) for text in drawn_texts(figure)
+    ]
+    whole = figure.bbox
+    for text, box in boxes:
+        assert whole.contains(*box.min), f"'{text}' is cut off"
+        assert whole.contains(*box.max), f"'{text}' is cut off"
+    for (a, first), (b, second) in combinations(boxes, 2):
+        across = min(first.x1, second.x1) - max(first.x0, second.x0)
+        up = min(first.y1, second.y1) - max(first.y0, second.y0)
+        assert across <= 1.0 or up <= 1.0, f"'{a}' overlaps '{b}'"
+    return " | ".join(text for text, _ in boxes)
+
+
+def test_joint_values_have_a_panel_a_module(
+    drawn: list[mpl.figure.Figure], arm: SerpentineArm, solution: Solution, travel: figures.XAxis
+) -> None:
+    figures.joint_values_figure(NOWHERE, arm, travel, solution.joints)
+    said = check_layout(drawn[0])
+    assert len(drawn[0].axes) == 2 + arm.modules
+    for name in ("d₁", "θ₂ + 90°", "θ₁₇", "module 7", "tip travel (in)", "tip travel (m)"):
+        assert name in said
+    assert "θ₁₈" not in said, "the last joint does not move"
+    line = drawn[0].axes[-1].get_lines()[0]
+    np.testing.assert_allclose(line.get_ydata(), np.degrees(solution.joints[:, -3]))
+
+
+def test_joints_without_solution_leave_a_gap(
+    drawn: list[mpl.figure.Figure], arm: SerpentineArm, solution: Solution
+) -> None:
+    joints = solution.joints.copy()
+    joints[5:] = np.nan
+    time = np.arange(len(joints), dtype=np.float64)
+    figures.joint_values_figure(NOWHERE, arm, figures.time_axis(time), joints)
+    figures.joint_values_figure(NOWHERE, arm, figures.time_axis(time), np.full_like(joints, np.nan))
+    assert "time (s)" in check_layout(drawn[0])
+    check_layout(drawn[1])
+
+
+def test_iterations_name_the_largest_error_and_the_tolerance(
+    drawn: list[mpl.figure.Figure], solution: Solution, travel: figures.XAxis
+) -> None:
+    figures.iterations_figure(
+        NOWHERE,
+        travel,
+        solution.spine_error,
+        solution.iterations,
+        tolerance=REPORT_TOLERANCE,
+    )
+    said = check_layout(drawn[0])
+    assert "largest 0.0676 in" in said  # FTL-95, Appendix D.4
+    assert "tolerance 0.1 in" in said
+    assert "total 14 at 13 tip points" in said
+
+
+def test_iterations_stand_unsolved_points(
+    drawn: list[mpl.figure.Figure], travel: figures.XAxis
+) -> None:
+    error = np.full(travel.values.shape, np.nan)
+    figures.iterations_figure(NOWHERE, travel, error, np.zeros(13, dtype=int), tolerance=1e-10)
+    error[:3] = [np.inf, 0.0, 1e-12]
+    figures.iterations_figure(NOWHERE, travel, error, np.zeros(13, dtype=int), tolerance=1e-10)
+    check_layout(drawn[0])
+    check_layout(drawn[1])
+
+
+def test_actuators_name_the_worst(
+    drawn: list[mpl.figure.Figure], arm: SerpentineArm, solution: Solution, travel: figures.XAxis
+) -> None:
+    lengths = arm.linkage.length(solution.joints[:, arm.first_actuated_joint :])
+    forces = np.zeros(lengths.shape)
+    worst = arm.actuator_names.index("L8")
+    forces[4, worst] = -0.48 * arm.linkage.force_limit[worst]
+    figures.actuators_figure(NOWHERE, arm, travel, lengths, forces)
+    figures.actuators_figure(NOWHERE, arm, travel, lengths)
+    said = check_layout(drawn[0])
+    assert "largest force 48% of its limit (L8)" in said
+    groups = len(np.unique(arm.linkage.force_limit))
+    assert len(drawn[0].axes) == 2 * groups
+    assert len(drawn[1].axes) == groups
+    assert "least stroke left" in check_layout(drawn[1])
+
+
+def test_the_path_stands_in_two_views_of_one_scale(
+    drawn: list[mpl.figure.Figure], arm: SerpentineArm, path: TipPath, solution: Solution
+) -> None:
+    figures.path_figure(
+        NOWHERE,
+        arm,
+        path.point(np.linspace(0.0, path.length, 300)),
+        {
+            "home": solution.joints[0],
+            "end": solution.joints[-1],
+            "none": solution.joints[0] * np.nan,
+        },
+        table_points=path.point(path.marks),
+        title="Trajectory 4",
+    )
+    said = check_layout(drawn[0])
+    for word in ("x0 (in)", "y0 (in)", "z0 (in)", "home", "end", "table points"):
+        assert word in said
+    assert "none" not in said
+    inches = []
+    for axes in drawn[0].axes:
+        size = axes.get_window_extent().size
+        inches += [size[0] / np.ptp(axes.get_xlim()), size[1] / np.ptp(axes.get_ylim())]
+    np.testing.assert_allclose(inches, inches[0], rtol=1e-3)
+
+
+def test_travel_is_counted_from_home_in_inches() -> None:
+    axis = figures.tip_travel(np.array([1.0, 1.0 + INCH]), 1.0)
+    np.testing.assert_allclose(axis.values, [0.0, 1.0], atol=1e-12)
+    assert axis.second == ("tip travel (m)", INCH)
