@@ -488,6 +488,21 @@ def test_a_failed_point_does_not_spoil_the_next(ftl, arm):
         np.testing.assert_array_equal(after.joints[1], alone.joints[0])
 
 
+def test_a_point_that_fails_in_a_later_iteration_does_not_spoil_the_next(arm):
+    """In the report's mode its updated module lengths would carry over."""
+    total = np.sum(arm.average_module_length)
+    start = 174.902 * INCH - total
+    path = polyline_path(
+        [[16.255 * INCH, 0.0, start], [16.255 * INCH, 0.0, start + total + 10.0 * INCH]], "line"
+    )
+    ftl = FollowTheLeader(arm, tolerance=REPORT_TOLERANCE)
+    short = total + 0.3 * INCH  # long enough for average modules, not for straight ones
+    solution = ftl.solve(path, [short, path.length])
+    assert solution.status.tolist() == [OFF_PATH, CONVERGED]
+    assert solution.iterations[0] == 2
+    np.testing.assert_array_equal(solution.joints[1], ftl.solve(path, path.length).joints[0])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
