@@ -499,7 +499,8 @@ def test_a_point_that_fails_in_a_later_iteration_does_not_spoil_the_next(arm):
     short = total + 0.3 * INCH  # long enough for average modules, not for straight ones
     solution = ftl.solve(path, [short, path.length])
     assert solution.status.tolist() == [OFF_PATH, CONVERGED]
-    assert solution.iterations[0] == 2
+    # Fresh lengths need two iterations on a straight line, carried ones a single one.
+    assert solution.iterations.tolist() == [2, 2]
     np.testing.assert_array_equal(solution.joints[1], ftl.solve(path, path.length).joints[0])
 
 
