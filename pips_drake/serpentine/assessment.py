@@ -32,7 +32,7 @@ class RunData:
         tip_arc_lengths: where the tip was commanded, (N,) m.
         commanded_joints: follow-the-leader's joints, (N, J).
         joints, joint_rates: what the plant did, (N, J).
-        joint_efforts: of the plant's drives, (N, J), N and Nm.
+        joint_efforts: of the plant's drives, (N, J), N and Nm; NaN before the first step.
         clearance: arm to scene, (N,) m, at most the monitor's range.
         self_clearance: arm to arm and rail, (N,) m.
         pairs: the nearest bodies, N of them; None where nothing was in range.
@@ -116,7 +116,7 @@ class Assessment:
         margins = joint_margins(self.arm, data.joints)
         hinge = np.where(self.arm.is_prismatic, np.inf, margins)
         rail = np.where(self.arm.is_prismatic, margins, np.inf)
-        drive = np.unravel_index(np.argmax(self.effort_fractions), self.effort_fractions.shape)
+        drive = np.unravel_index(np.nanargmax(self.effort_fractions), self.effort_fractions.shape)
         worst_joint = int(np.argmin(hinge.min(axis=0)))
         return {
             "clearance_sampled_min_m": data.clearance.min(),
@@ -131,8 +131,8 @@ class Assessment:
             "joint_margin_min_joint": self.arm.joint_names[worst_joint],
             "rail_margin_min_m": rail.min(),
             "actuator_stroke_margin_min_m": self.stroke_margins.min(),
-            "actuator_force_max_fraction": self.effort_fractions[:, first:].max(),
-            "drive_effort_max_fraction": self.effort_fractions.max(),
+            "actuator_force_max_fraction": np.nanmax(self.effort_fractions[:, first:]),
+            "drive_effort_max_fraction": np.nanmax(self.effort_fractions),
             "drive_effort_max_drive": self._drive_name(int(drive[1])),
             "drive_effort_max_time_s": data.time[drive[0]],
             "drive_speed_max_fraction": self.speed_fractions.max(),
@@ -177,7 +177,7 @@ class Assessment:
         return found
 
     def _fraction_failures(self, fractions: Array, limit: float, what: str) -> list[str]:
-        i, j = np.unravel_index(int(np.argmax(fractions)), fractions.shape)
+        i, j = np.unravel_index(int(np.nanargmax(fractions)), fractions.shape)
         if fractions[i, j] <= limit:
             return []
         return [

@@ -11,7 +11,6 @@ from pydrake.systems.framework import DiagramBuilder
 from pips_drake.config import dump_yaml
 from pips_drake.errors import UnknownNameError
 from pips_drake.scene.packages import find_scene_file
-from pips_drake.serpentine import figures
 from pips_drake.serpentine.follow import drive_numbers, plan_numbers, write_plan_figures
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.scenario import SerpentineScenario
@@ -24,6 +23,7 @@ from pips_drake.serpentine.station import (
 )
 from pips_drake.twin.clearance import ClearanceQuery, LeastDistance
 from pips_drake.twin.output_folder import output_folder, write_whole
+from pips_drake.twin.run_figures import clearance_figure
 from pips_drake.twin.summary import versions, write_summary
 from pips_drake.twin.verdict import Verdict
 
@@ -70,7 +70,7 @@ def check(
         pictures.mkdir()
         write_plan_figures(pictures, plan)
         if clearance:
-            figures.clearance_figure(
+            clearance_figure(
                 pictures / "clearance.png",
                 plan.solution.tip_arc_lengths[plan.solution.solved] - plan.path.home_arc_length,
                 [scene.distance for scene, _ in clearance],

@@ -27,6 +27,7 @@ from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.recording import Series, write_csv
+from pips_drake.twin.run_figures import clearance_figure, tracking_figure
 from pips_drake.twin.simulation import RunTime, advance
 from pips_drake.twin.summary import versions, write_summary
 from pips_drake.twin.verdict import Verdict
@@ -119,8 +120,6 @@ def run_station(
     DrakeVisualizer.AddToBuilder(
         builder, query, params=DrakeVisualizerParams(publish_period=1.0 / 32.0)
     )
-    if meshcat is not None:
-        AddReplayVisualizer(builder, query, meshcat)
     diagram = builder.Build()
     diagram.set_name("serpentine_run")
     simulator = Simulator(diagram)
@@ -134,13 +133,15 @@ def run_station(
     monitor = station.GetSubsystemByName("clearance_monitor")
     rows = {port: log.data().T for port, log in recorded.items()}
     joints = setup.arm.joints
+    efforts = rows["plant.net_actuation"].copy()
+    efforts[0] = np.nan  # the plant has made no step yet, so nothing has acted
     data = RunData(
         time=recorded["plant.state"].sample_times(),
         tip_arc_lengths=rows["tip_path_source.tip"][:, 0],
         commanded_joints=rows["follow_the_leader.joint_state"][:, :joints],
         joints=rows["plant.state"][:, :joints],
         joint_rates=rows["plant.state"][:, joints:],
-        joint_efforts=rows["plant.net_actuation"],
+        joint_efforts=efforts,
         clearance=rows["clearance_monitor.clearance"][:, 0],
         self_clearance=rows["clearance_monitor.clearance"][:, 2],
         pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
@@ -244,7 +245,7 @@ def _write_run_figures(
         assessment.drive_coordinates[:, first:],
         assessment.drive_efforts[:, first:],
     )
-    figures.clearance_figure(
+    clearance_figure(
         pictures / "clearance.png",
         data.time,
         data.clearance,
@@ -257,7 +258,7 @@ def _write_run_figures(
     if sagging is not None:
         errors = sagging.spine_errors
         uncompensated = (sagging.data.time, errors.max(axis=1), errors[:, -1])
-    figures.tracking_figure(
+    tracking_figure(
         pictures / "tracking.png",
         data.time,
         assessment.spine_errors.max(axis=1),

@@ -17,7 +17,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import AffineSystem
+from pydrake.systems.primitives import AffineSystem, ZeroOrderHold
 
 from pips_drake.errors import InputError
 from pips_drake.scene.loading import AddPlacedFrame, AddScene, check_anchored
@@ -126,6 +126,15 @@ def make_plant(
     return plant, scene_graph, model
 
 
+def _standing_posture(arm: SerpentineArm, command: Array, gravity: Array) -> Array:
+    """Where the arm stands still when its joints are commanded to `command`, (J,)."""
+    stiffness, posture = joint_stiffness(arm), command
+    # Each step changes the sag by the sag's own share of the levers: a thousandth.
+    for _ in range(4):
+        posture = command - holding_efforts(arm, posture, gravity)[0] / stiffness
+    return posture
+
+
 def gravity_in_frame_0(plant: MultibodyPlant) -> Array:
     """The plant's gravity as the arm's base frame sees it, (3,) m/s^2."""
     X_W0 = plant.GetFrameByName(BASE_FRAME).GetFixedPoseInBodyFrame()
@@ -157,16 +166,16 @@ def AddActuation(
     `joint`: servo, then the inverse linkage, then the plant's implicit PD, whose gains are in the
     arm's model. Between two updates of the servo the joints' set-points move on straight lines: held
     still, a stiff drive would answer each update with a kick (of kilonewtons on the rail).
-    Latency: one control period in the servo, and one plant step.
+    Latency: one control period in the servo, and two plant steps.
     """
     arm = setup.arm
     servo = builder.AddNamedSystem("actuator_servo", ActuatorServo(arm, period=period))
     angle_map = builder.AddNamedSystem("actuator_angle_map", ActuatorAngleMap(arm, period=period))
     force_map = builder.AddNamedSystem("actuator_force_map", ActuatorForceMap(arm))
     builder.Connect(drive_state, servo.GetInputPort("drive_state"))
+    gravity = gravity_in_frame_0(plant)
     start = plant.GetDefaultPositions(model)
     if config.compensate_deflection:
-        gravity = gravity_in_frame_0(plant)
         start = start + holding_efforts(arm, start, gravity)[0] / joint_stiffness(arm)
         compensator = builder.AddNamedSystem(
             "deflection_compensator", DeflectionCompensator(arm, gravity=gravity)
@@ -176,10 +185,18 @@ def AddActuation(
             compensator.GetOutputPort("drive_offset"), servo.GetInputPort("drive_offset")
         )
     builder.Connect(servo.GetOutputPort("setpoint"), angle_map.GetInputPort("drive_state"))
+    # The run begins at rest: where these first set-points and gravity leave the arm.
+    plant.SetDefaultPositions(model, _standing_posture(arm, start, gravity))
     interpolator = builder.AddNamedSystem(
         "setpoint_interpolator", _make_interpolator(start, plant.time_step())
     )
-    builder.Connect(angle_map.GetOutputPort("joint_state"), interpolator.get_input_port())
+    # Drake forgets every cached output at every step of any discrete system. This hold keeps the
+    # inverse linkage from being computed anew at each step of the plant.
+    hold = builder.AddNamedSystem(
+        "setpoint_hold", ZeroOrderHold(period, 2 * arm.joints, offset_sec=plant.time_step())
+    )
+    builder.Connect(angle_map.GetOutputPort("joint_state"), hold.get_input_port())
+    builder.Connect(hold.get_output_port(), interpolator.get_input_port())
     builder.Connect(interpolator.get_output_port(), plant.get_desired_state_input_port(model))
     builder.Connect(plant.get_state_output_port(model), force_map.GetInputPort("joint_state"))
     builder.Connect(
@@ -215,7 +232,7 @@ def MakeSerpentineStation(
 
     Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
-    `setpoint_interpolator`, `deflection_compensator` (if compensated), `clearance_monitor`.
+    `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated), `clearance_monitor`.
 
     Input port: `tip_path_source.command` (1,), optional.
 
@@ -227,9 +244,9 @@ def MakeSerpentineStation(
     `scene_graph.query`.
 
     Latencies: a source's update is seen by the controller at once, by the servo at its next update
-    (one control period, 1/64 s by default), and reached one period after that, plus one plant step;
+    (one control period, 1/64 s by default), and reached one period after that, plus two plant steps;
     the monitor sees the plant's last step. From command to plant at most 3 / control_hz +
-    1 / plant_hz.
+    2 / plant_hz.
 
     Args:
         setup: what the scenario names, if it is loaded already.
