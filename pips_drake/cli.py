@@ -49,7 +49,7 @@ class Follow:
     """Replace an earlier result in that folder."""
 
     def run(self) -> int:
-        from pips_drake.serpentine.follow import follow
+        from pips_drake.serpentine.runs.follow import follow
 
         verdict = follow(
             self.path,
@@ -85,7 +85,7 @@ class Check:
 
     def run(self) -> int:
         from pips_drake.config import validate
-        from pips_drake.serpentine.check import check, scene_of_path
+        from pips_drake.serpentine.runs.check import check, scene_of_path
         from pips_drake.serpentine.scenario import SerpentineScenario
 
         scene = scene_of_path(self.path) if self.scene is None else self.scene
@@ -211,8 +211,8 @@ def main(args: Sequence[str] | None = None) -> None:
     command: Any = tyro.cli(
         Command,
         prog="pips",
-        description="Digital twin of NASA's PIPS serpentine arm: will it touch anything, and can the "
-        "arm do it?",
+        description="Digital twin of NASA's PIPS serpentine arm: will it touch anything, and can "
+        "the arm do it?",
         args=args,
         use_underscores=True,
         config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),

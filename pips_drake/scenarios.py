@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def _simulate_serpentine(*args: Any, **kwargs: Any) -> Verdict:
     # Imported when used: Drake's simulation modules take a second to load.
-    from pips_drake.serpentine.simulate import simulate as run
+    from pips_drake.serpentine.runs.simulate import simulate as run
 
     return run(*args, **kwargs)
 
@@ -63,7 +63,7 @@ def load_scenario(name: str, overrides: Mapping[str, str] | None = None) -> Load
     """
     file = find_scenario_file(name)
     machine = _machine_of(file)
-    config = load_yaml(MACHINES[machine].schema, file, overrides=dict(overrides or {}))
+    config: Any = load_yaml(MACHINES[machine].schema, file, overrides=dict(overrides or {}))
     return LoadedScenario(name=file.stem, machine=machine, config=config, folder=file.parent)
 
 
@@ -101,7 +101,7 @@ def _machine_of(file: Path) -> str:
 
 
 def _read_top(file: Path) -> dict[str, Any]:
-    """The file's top-level mapping, empty if it has none: `load_yaml` says what is wrong with it."""
+    """The file's top-level mapping; empty if it has none, which `load_yaml` then refuses."""
     import yaml
 
     try:

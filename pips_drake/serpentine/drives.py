@@ -54,7 +54,7 @@ def joints_from_drives(arm: SerpentineArm, drives: ArrayLike) -> Array:
 
 
 def drive_efforts(arm: SerpentineArm, joints: ArrayLike, joint_efforts: ArrayLike) -> Array:
-    """Efforts of the drives (..., joints), N and Nm, that make the joint efforts: over the lever."""
+    """Efforts of the drives (..., joints), N and Nm, that make the joints' (virtual work)."""
     return np.asarray(joint_efforts) / levers(arm, joints)
 
 

@@ -62,7 +62,7 @@ def spine_points(arm: SerpentineArm, q: ArrayLike) -> Array:
 
 
 def centre_line(arm: SerpentineArm, q: ArrayLike) -> Array:
-    """Corners of the arm's centre line, (N, 2 S, 3) m in frame {0}: frames 3, 4, ... to the last."""
+    """Corners of the arm's centre line, (N, 2 S, 3) m in frame {0}: the origins of frames 3 on."""
     return frames(arm, q)[:, arm.first_actuated_joint :, :3, 3]
 
 

@@ -1,8 +1,8 @@
 """Actuators across the hinges: length as a function of the angle, and back (L3 .. L18).
 
 FTL-95 says that the as-built geometry is "not as simple" as drawn and gives none; the model is a
-pin-to-pin actuator across each hinge (assumed): with pins at a and b from the hinge and phi0 between
-them when the hinge is straight,
+pin-to-pin actuator across each hinge (assumed): with pins at a and b from the hinge and phi0
+between them when the hinge is straight,
 
     L(theta)^2 = a^2 + b^2 - 2 a b cos(phi0 + theta)
     dL/dtheta  = a b sin(phi0 + theta) / L

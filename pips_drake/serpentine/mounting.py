@@ -10,8 +10,8 @@ from pips_drake.errors import UnknownNameError
 Array = NDArray[np.float64]
 
 #: Columns x0, y0, z0 in the world (z up), by name. `laboratory`: the rail is vertical, as the
-#: hardware stood. `pad`: horizontal, overhead, feeding into a vertical bay, as the report recommends
-#: (x0 down). `pad_below`: horizontal, underneath.
+#: hardware stood. `pad`: horizontal, overhead, feeding into a vertical bay (x0 down), as the report
+#: recommends. `pad_below`: horizontal, underneath.
 MOUNTINGS: dict[str, Array] = {
     "laboratory": np.eye(3),
     "pad": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]).T,

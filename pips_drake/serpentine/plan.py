@@ -130,10 +130,11 @@ def check_start(arm: SerpentineArm, path: TipPath) -> None:
     d1 = float(arm.joint_home[0]) + travel
     lower, upper = float(arm.joint_lower[0]), float(arm.joint_upper[0])
     if not lower - HOME_SLACK <= d1 <= upper + HOME_SLACK:
+        home_tip = in_inches(path.point(path.home_arc_length))
         raise InputError(
-            f"path '{path.name}': the home tip (row 2) at {in_inches(path.point(path.home_arc_length))}"
+            f"path '{path.name}': the home tip (row 2) at {home_tip}"
             f" needs d1 = {d1 / INCH:.3f} in; must be {lower / INCH:.3f} .. {upper / INCH:.3f} in, "
-            f"so a tip {(lower - d1) / INCH:+.3f} .. {(upper - d1) / INCH:+.3f} in along the base line"
+            f"so move it {(lower - d1) / INCH:+.3f} .. {(upper - d1) / INCH:+.3f} in along z0"
         )
     if path.travel <= 0.0:
         raise InputError(
@@ -161,9 +162,9 @@ def limit_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> lis
         first, s = beyond[0], solution.tip_arc_lengths
         sentences.append(
             f"joint {name} leaves its limits {arm.joint_lower[j] / unit:.3f} .. "
-            f"{arm.joint_upper[j] / unit:.3f} {word}: first with the tip at {s[first]:.4f} m of path "
-            f"'{path.name}' {in_inches(path.point(s[first]))}, worst {solution.joints[worst, j] / unit:.3f}"
-            f" {word} at {s[worst]:.4f} m, {-margins[worst, j] / unit:.3f} {word} too far"
+            f"{arm.joint_upper[j] / unit:.3f} {word}: first with the tip at {s[first]:.4f} m of "
+            f"path '{path.name}' {in_inches(path.point(s[first]))}, worst "
+            f"{solution.joints[worst, j] / unit:.3f} {word} at {s[worst]:.4f} m, {-margins[worst, j] / unit:.3f} {word} too far"
         )
     return sentences
 

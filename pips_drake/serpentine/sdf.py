@@ -101,7 +101,7 @@ def collision_filter_groups(arm: SerpentineArm) -> dict[str, tuple[str, ...]]:
     its crosshead is between them; nor do the carriage and the first segment across the crane.
     """
     names = [body.name for body in arm.bodies]
-    groups = {"motion_base": (names[0], names[1], names[2])}
+    groups: dict[str, tuple[str, ...]] = {"motion_base": (names[0], names[1], names[2])}
     for i in range(arm.modules):
         first = arm.first_actuated_joint + 2 * i
         groups[f"universal_joint_{i + 1}"] = (names[first], names[first + 1], names[first + 2])

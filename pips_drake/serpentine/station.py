@@ -96,9 +96,7 @@ def AddSerpentineArm(
     parser.SetStrictParsing()
     (model,) = parser.AddModelsFromString(make_sdf(arm), "sdf")
     AddPlacedFrame(plant, BASE_FRAME, X_W0)
-    plant.WeldFrames(
-        plant.GetFrameByName(BASE_FRAME), plant.GetFrameByName(arm.rail.name, model)
-    )
+    plant.WeldFrames(plant.GetFrameByName(BASE_FRAME), plant.GetFrameByName(arm.rail.name, model))
     return model
 
 
@@ -164,8 +162,8 @@ def AddActuation(
     """Connects commanded drives to the plant, with the fidelity that `config` names.
 
     `joint`: servo, then the inverse linkage, then the plant's implicit PD, whose gains are in the
-    arm's model. Between two updates of the servo the joints' set-points move on straight lines: held
-    still, a stiff drive would answer each update with a kick (of kilonewtons on the rail).
+    arm's model. Between two updates of the servo the joints' set-points move on straight lines:
+    held still, a stiff drive would answer each update with a kick (of kilonewtons on the rail).
     Latency: one control period in the servo, and two plant steps.
     """
     arm = setup.arm
@@ -232,7 +230,8 @@ def MakeSerpentineStation(
 
     Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
-    `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated), `clearance_monitor`.
+    `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated),
+    `clearance_monitor`.
 
     Input port: `tip_path_source.command` (1,), optional.
 
@@ -244,8 +243,8 @@ def MakeSerpentineStation(
     `scene_graph.query`.
 
     Latencies: a source's update is seen by the controller at once, by the servo at its next update
-    (one control period, 1/64 s by default), and reached one period after that, plus two plant steps;
-    the monitor sees the plant's last step. From command to plant at most 3 / control_hz +
+    (one control period, 1/64 s by default), and reached one period after that, plus two plant
+    steps; the monitor sees the plant's last step. From command to plant at most 3 / control_hz +
     2 / plant_hz.
 
     Args:

@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pips_drake.config import require
+from pips_drake.errors import InputError
+
 if TYPE_CHECKING:
     from pydrake.geometry import GeometryId, QueryObject, SignedDistancePair
     from pydrake.multibody.plant import MultibodyPlant
@@ -48,6 +51,10 @@ class ClearanceQuery:
         robot: the robot's model instances. Everything else with collision geometry is the scene.
         max_distance: pairs farther apart than this (m) are not looked at, which makes the query
             several times faster.
+
+    Raises:
+        InputError: the robot has no collision geometry (it would always look clear), or
+            `max_distance` is not positive.
     """
 
     def __init__(
@@ -64,6 +71,13 @@ class ClearanceQuery:
                 self._bodies[geometry] = body.index()
                 if body.model_instance() in robot:
                     self._robot.add(geometry)
+        require(max_distance > 0.0, "max_distance", f"{max_distance} m", "> 0")
+        if not self._robot:
+            models = ", ".join(plant.GetModelInstanceName(model) for model in robot) or "none"
+            raise InputError(
+                f"robot (models: {models}) has no collision geometry in the scene graph; must have "
+                "some, or it would always look clear"
+            )
 
     def least(self, query: QueryObject) -> tuple[LeastDistance, LeastDistance]:
         """The robot's least distance to the scene, and to itself."""

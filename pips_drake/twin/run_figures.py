@@ -34,17 +34,19 @@ def clearance_figure(
     threshold: float | None = None,
     max_distance: float | None = None,
     own_distance: ArrayLike | None = None,
+    x_axis: tuple[str, str] = ("time", "s"),
 ) -> None:
     """Least distance of the arm to the scene over time, its least point marked.
 
     Args:
-        time: (N,) s.
+        time: (N,) s, or what else `x_axis` says.
         distance: (N,) m; negative in penetration.
         pair: the bodies' names at the least point.
         threshold: what the distance must not fall below, m.
         max_distance: how far the monitor looks, m. Distances of that much or more mean "nothing
             nearer"; the line has a gap there.
         own_distance: of the arm to itself, (N,) m.
+        x_axis: name and unit of what the samples are listed by.
     """
     t = np.asarray(time, dtype=np.float64)
     scene = _seen(distance, max_distance)
@@ -58,7 +60,9 @@ def clearance_figure(
     if least is not None:
         k = least[0]
         between = f"\n{pair[0]} to\n{pair[1]}" if pair else ""
-        marks = [Mark(x=t[k], y=scene[k], text=f"{scene[k]:.1f} mm at {t[k]:.2f} s{between}")]
+        marks = [
+            Mark(x=t[k], y=scene[k], text=f"{scene[k]:.1f} mm at {t[k]:.2f} {x_axis[1]}{between}")
+        ]
         title = f"Clearance: least {scene[k]:.1f} mm"
     limits = []
     if threshold is not None:
@@ -83,7 +87,8 @@ def clearance_figure(
         marks=marks,
         y_range=(1.1 * low, None),
     )
-    save_figure(time_series_figure([panel], "time (s)", title=title, panel_height=3.6), file)
+    x_label = f"{x_axis[0]} ({x_axis[1]})"
+    save_figure(time_series_figure([panel], x_label, title=title, panel_height=3.6), file)
 
 
 def tracking_figure(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import drive_columns, joints_from_drives, levers
+
+Array = NDArray[np.float64]
 
 
 class ActuatorAngleMap(LeafSystem):
@@ -48,6 +51,14 @@ class ActuatorAngleMap(LeafSystem):
 
     def _calc_joint_state(self, context: Context, output: BasicVector) -> None:
         drives, rates = np.split(self._drive_port.Eval(context), 2)
+        q = self._joints(drives)
+        if self._period is None:
+            v = rates / levers(self._arm, q)
+        else:
+            v = (q - self._joints(drives - rates * self._period)) / self._period
+        output.SetFromVector(np.concatenate([q, v]))
+
+    def _joints(self, drives: Array) -> Array:
         q = joints_from_drives(self._arm, drives)
         if not np.all(np.isfinite(q)):
             worst = int(np.flatnonzero(~np.isfinite(q))[0])
@@ -55,9 +66,4 @@ class ActuatorAngleMap(LeafSystem):
                 f"{drive_columns(self._arm)[worst]} = {drives[worst]:.4f}; must be a length with "
                 "which the actuator and its two anchors close a triangle"
             )
-        if self._period is None:
-            v = rates / levers(self._arm, q)
-        else:
-            before = joints_from_drives(self._arm, drives - rates * self._period)
-            v = (q - before) / self._period
-        output.SetFromVector(np.concatenate([q, v]))
+        return q

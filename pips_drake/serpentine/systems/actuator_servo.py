@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import drive_limits
@@ -33,9 +33,10 @@ class ActuatorServo(LeafSystem):
 
     Output ports, both from state (no feedthrough):
 
-    - `setpoint`, (2 J,): drive coordinates as the servos have them at the end of the present period,
-      and their rates over it, m/s and rad/s.
-    - `saturation`, (2,): how many drives stand at the end of their stroke, and at their speed limit.
+    - `setpoint`, (2 J,): drive coordinates as the servos have them at the end of the present
+      period, m and rad, and their rates over it, m/s and rad/s.
+    - `saturation`, (2,): how many drives stand at the end of their stroke, and how many at their
+      speed limit.
 
     State, discrete, updated every `period` s (default 1/64 s) and at initialization: the outputs.
     Latency: a command is reached one period after the update that sees it.

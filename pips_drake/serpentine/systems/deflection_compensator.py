@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
+from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import deflection_offset
 from pips_drake.serpentine.statics import holding_efforts
@@ -42,6 +43,8 @@ class DeflectionCompensator(LeafSystem):
         super().__init__()
         self._arm = arm
         self._gravity = np.asarray(gravity, dtype=np.float64)
+        if self._gravity.shape != (3,) or not np.all(np.isfinite(self._gravity)):
+            raise InputError(f"gravity = {gravity}; must be three finite numbers, m/s^2")
         self._joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
         self.DeclareVectorOutputPort("drive_offset", arm.joints, self._calc_drive_offset)
 

@@ -6,6 +6,8 @@ import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from pips_drake.config import require
+from pips_drake.errors import InputError
 from pips_drake.serpentine.motion_profile import RestToRestProfile
 from pips_drake.serpentine.tip_path import TipPath
 
@@ -32,6 +34,7 @@ class TipPathSource(LeafSystem):
     Input ports:
 
     - `command`, (1,): `RUN` (1), `HOLD` (0) or `RETRACT` (-1); optional, `RUN` when unconnected.
+      Another number raises `InputError`. After `RETRACT` the way is back: `RUN` goes on with it.
 
     Output ports, all from state or constant (no feedthrough):
 
@@ -39,18 +42,19 @@ class TipPathSource(LeafSystem):
     - `path`: abstract `Value[object]` that holds the `TipPath`.
     - `phase`, (1,): `EXTENDING`, `DWELLING`, `RETRACTING` or `DONE`.
 
-    State: (4,) time on the speed profile, s; its rate (1 forward, 0 hold, -1 back); phase; time left
-    to dwell, s. Updated every `period` s (default 1/64 s).
+    State: (4,) time on the speed profile, s; its rate (1 forward, 0 hold, -1 back); phase; time
+    left to dwell, s. Updated every `period` s (default 1/64 s).
 
     A hold slows the profile's own clock to rest over `hold_ramp` s and a resume speeds it up again,
-    so the tip follows the same speeds along the same path; going back runs the clock backwards.
+    so the tip follows the same speeds along the same path; going back runs the clock backwards. At
+    both ends of the profile the tip is at rest, and the clock stops, starts and turns at once.
     Latency: a command acts at the next update.
 
     Args:
         path: the path.
         profile: travel from the path's home, against time.
         dwell: time at the end of the path, s.
-        retract: whether to come back after the dwell.
+        retract: whether to come back after the dwell without being told.
         hold_ramp: time to come to a hold, s.
         period: s.
     """
@@ -66,8 +70,11 @@ class TipPathSource(LeafSystem):
         period: float = 1.0 / 64.0,
     ) -> None:
         super().__init__()
+        require(dwell >= 0.0, "TipPathSource: dwell", f"{dwell} s", ">= 0")
+        require(hold_ramp > 0.0, "TipPathSource: hold_ramp", f"{hold_ramp} s", "> 0")
         self._path = path
         self._profile = profile
+        self._dwell = dwell
         self._retract = retract
         self._rate_step = period / hold_ramp
         self._period = period
@@ -86,38 +93,38 @@ class TipPathSource(LeafSystem):
 
     @property
     def duration(self) -> float:
-        """Time to do it all without a hold, s."""
+        """Time to do it all without a hold, s; updates make it up to two periods more."""
         out = self._profile.duration
-        dwell = float(self._initial_dwell())
-        return out + (dwell + out if self._retract else 0.0)
+        return out + (self._dwell + out if self._retract else 0.0)
 
-    def _initial_dwell(self) -> float:
-        context = self.CreateDefaultContext()
-        return float(context.get_discrete_state_vector().GetAtIndex(3))
+    def _command(self, context: Context) -> float:
+        if not self._command_port.HasValue(context):
+            return RUN
+        command = float(self._command_port.Eval(context)[0])
+        if command not in (RUN, HOLD, RETRACT):
+            raise InputError(
+                f"TipPathSource.command = {command}; must be 1 (run), 0 (hold) or -1 (retract)"
+            )
+        return command
 
     def _update_state(self, context: Context, values: DiscreteValues) -> None:
         time, rate, phase, dwell = context.get_discrete_state(self._state).CopyToVector()
-        command = (
-            self._command_port.Eval(context)[0] if self._command_port.HasValue(context) else RUN
-        )
-        if command < -0.5 and phase < RETRACTING:
-            phase = RETRACTING
-        wanted = (
-            0.0 if -0.5 <= command <= 0.5 else {EXTENDING: 1.0, RETRACTING: -1.0}.get(phase, 0.0)
-        )
-        if phase == DWELLING and wanted == 0.0 and command > 0.5:
+        command, end = self._command(context), self._profile.duration
+        if phase == DWELLING and command == RUN:
             dwell -= self._period
             if dwell <= 0.0:
                 phase = RETRACTING if self._retract else DONE
+        if command == RETRACT and (phase < RETRACTING or time > 0.0):
+            phase = RETRACTING
+        wanted = 0.0 if command == HOLD else {EXTENDING: 1.0, RETRACTING: -1.0}.get(phase, 0.0)
+        if time <= 0.0 or time >= end:
+            rate = wanted
         new_rate = rate + np.clip(wanted - rate, -self._rate_step, self._rate_step)
-        time += 0.5 * (rate + new_rate) * self._period
-        # The profile is at rest at both ends, so its clock may stop and turn there at once.
-        if phase == EXTENDING and time >= self._profile.duration:
-            time, new_rate, phase = self._profile.duration, 0.0, DWELLING
+        time = min(max(time + 0.5 * (rate + new_rate) * self._period, 0.0), end)
+        if phase == EXTENDING and time >= end:
+            new_rate, phase = 0.0, DWELLING
         elif phase == RETRACTING and time <= 0.0:
-            time, new_rate, phase = 0.0, 0.0, DONE
-        elif phase == RETRACTING and time >= self._profile.duration:
-            time, new_rate = self._profile.duration, -1.0
+            new_rate, phase = 0.0, DONE
         values.get_mutable_vector(self._state).SetFromVector([time, new_rate, phase, dwell])
 
     def _calc_tip(self, context: Context, output: BasicVector) -> None:

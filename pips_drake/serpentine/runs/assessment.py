@@ -101,9 +101,7 @@ class Assessment:
     def deviation(self) -> Array:
         """Farthest point of the simulated centre line from the path, (N,) m."""
         solution = self.solver.solve(self.path, self.data.tip_arc_lengths)
-        return posture_deviation(
-            self.arm, self.path, self.data.joints, solution.spine_arc_lengths
-        )
+        return posture_deviation(self.arm, self.path, self.data.joints, solution.spine_arc_lengths)
 
     @property
     def nearest(self) -> int:
@@ -168,11 +166,11 @@ class Assessment:
         found += self._fraction_failures(self.speed_fractions, checks.speed_fraction_max, "speed")
         found += self._joint_failures()
         margin = self.stroke_margins
-        i, k = np.unravel_index(int(np.argmin(margin)), margin.shape)
-        if margin[i, k] < 0.0:
+        row, k = np.unravel_index(int(np.argmin(margin)), margin.shape)
+        if margin[row, k] < 0.0:
             found.append(
-                f"actuator {self.arm.actuator_names[k]} is {-margin[i, k] * 1e3:.2f} mm beyond its "
-                f"stroke at {data.time[i]:.2f} s"
+                f"actuator {self.arm.actuator_names[k]} is {-margin[row, k] * 1e3:.2f} mm beyond "
+                f"its stroke at {data.time[row]:.2f} s"
             )
         return found
 
@@ -199,8 +197,8 @@ class Assessment:
             return []
         unit, word = (1e-3, "mm") if self.arm.is_prismatic[j] else (DEGREE, "deg")
         return [
-            f"joint {self.arm.joint_names[j]} is {-margins[i, j] / unit:.2f} {word} beyond its limit "
-            f"at {self.data.time[i]:.2f} s"
+            f"joint {self.arm.joint_names[j]} is {-margins[i, j] / unit:.2f} {word} beyond its "
+            f"limit at {self.data.time[i]:.2f} s"
         ]
 
     def _drive_name(self, j: int) -> str:

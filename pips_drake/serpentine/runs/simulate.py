@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 import shutil
 import subprocess
 from dataclasses import dataclass
@@ -18,11 +17,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pips_drake.config import dump_yaml
-from pips_drake.serpentine import figures
-from pips_drake.serpentine.assessment import Assessment, RunData
 from pips_drake.serpentine.drives import drive_columns, effort_columns
-from pips_drake.serpentine.follow import plan_numbers, write_plan_figures
 from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.runs import figures
+from pips_drake.serpentine.runs.assessment import Assessment, RunData
+from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
 from pips_drake.twin.output_folder import output_folder, write_whole
@@ -232,9 +231,7 @@ def _write_series(folder: Path, assessment: Assessment) -> None:
         write_csv(series, folder / f"{name}.csv")
 
 
-def _write_run_figures(
-    folder: Path, assessment: Assessment, sagging: Assessment | None
-) -> None:
+def _write_run_figures(folder: Path, assessment: Assessment, sagging: Assessment | None) -> None:
     pictures = folder / "figures"
     pictures.mkdir(exist_ok=True)
     arm, data, first = assessment.arm, assessment.data, assessment.arm.first_actuated_joint

@@ -11,8 +11,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pips_drake.config import dump_yaml
 from pips_drake.errors import UnknownNameError
 from pips_drake.scene.packages import find_scene_file
-from pips_drake.serpentine.follow import drive_numbers, plan_numbers, write_plan_figures
 from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.runs.follow import drive_numbers, plan_numbers, write_plan_figures
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import (
@@ -78,7 +78,7 @@ def check(
                 threshold=scenario.checks.clearance_min_mm * 1e-3,
                 max_distance=scenario.clearance_range_m,
                 own_distance=[own.distance for _, own in clearance],
-                x_label="tip travel (m)",
+                x_axis=("tip travel", "m"),
             )
         write_whole(partial / "scenario.yaml", dump_yaml(scenario))
         write_summary(partial / "summary.json", verdict.summary)
@@ -149,15 +149,15 @@ def _failures(
         word = "penetrates" if least < 0.0 else "comes too near to"
         found.append(
             f"{robot} {word} {other}: {least * 1e3:.1f} mm with the tip at "
-            f"{numbers['clearance_min_tip_arc_length_m']:.4f} m of path '{plan.path.name}'; must be "
-            f">= {checks.clearance_min_mm:g} mm"
+            f"{numbers['clearance_min_tip_arc_length_m']:.4f} m of path '{plan.path.name}'; must "
+            f"be >= {checks.clearance_min_mm:g} mm"
         )
     own = numbers["self_clearance_sampled_min_m"]
     if own < checks.self_clearance_min_mm * 1e-3:
         nearest = min((pair for _, pair in clearance), key=lambda pair: pair.distance)
         found.append(
-            f"{' and '.join(nearest.pair)} come too near to each other: {own * 1e3:.1f} mm; must be "
-            f">= {checks.self_clearance_min_mm:g} mm"
+            f"{' and '.join(nearest.pair)} come too near to each other: {own * 1e3:.1f} mm; must "
+            f"be >= {checks.self_clearance_min_mm:g} mm"
         )
     for key, limit, what in (
         ("drive_effort_max_fraction", checks.force_fraction_max, "effort"),

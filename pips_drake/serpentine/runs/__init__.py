@@ -1,0 +1,1 @@
+"""What the commands do: follow, check and simulate, with their figures and judgement."""
