@@ -245,7 +245,7 @@ def _make_base(config: ArmFile, first_length: float) -> MotionBase:
 
 
 def _make_linkage(config: ArmFile, *, lower: Array, upper: Array) -> Linkage:
-    """An actuator across each hinge from joint 3 on, of the size of the segment on its inner side."""
+    """An actuator across each hinge from joint 3 on, of the inner segment's size."""
     inner = [max(0, (joint - 4) // 2) for joint in range(3, 3 + len(lower))]
     boxes = [config.boxes[config.segments[i].box] for i in inner]
     return Linkage.make(

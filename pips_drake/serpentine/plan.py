@@ -164,7 +164,8 @@ def limit_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> lis
             f"joint {name} leaves its limits {arm.joint_lower[j] / unit:.3f} .. "
             f"{arm.joint_upper[j] / unit:.3f} {word}: first with the tip at {s[first]:.4f} m of "
             f"path '{path.name}' {in_inches(path.point(s[first]))}, worst "
-            f"{solution.joints[worst, j] / unit:.3f} {word} at {s[worst]:.4f} m, {-margins[worst, j] / unit:.3f} {word} too far"
+            f"{solution.joints[worst, j] / unit:.3f} {word} at {s[worst]:.4f} m, "
+            f"{-margins[worst, j] / unit:.3f} {word} too far"
         )
     return sentences
 

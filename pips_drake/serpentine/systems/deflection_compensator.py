@@ -44,7 +44,7 @@ class DeflectionCompensator(LeafSystem):
         self._arm = arm
         self._gravity = np.asarray(gravity, dtype=np.float64)
         if self._gravity.shape != (3,) or not np.all(np.isfinite(self._gravity)):
-            raise InputError(f"gravity = {gravity}; must be three finite numbers, m/s^2")
+            raise InputError(f"gravity = {self._gravity}; must be three finite numbers, m/s^2")
         self._joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
         self.DeclareVectorOutputPort("drive_offset", arm.joints, self._calc_drive_offset)
 
