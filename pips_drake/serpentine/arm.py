@@ -270,12 +270,14 @@ def _make_bodies(config: ArmFile, base: MotionBase) -> tuple[Body, ...]:
         # From the rail (x0 = 0) to the hinge: frame 1 stands a0 away from the rail.
         centre=np.array([-0.5 * config.motion_base.a0_in * INCH, 0.0, 0.0]),
     )
-    crane_reach = max(config.motion_base.a2_in, config.crane.width_in) * INCH
+    # From hinge 2 to where the arm begins: frame 3 in frame 2.
+    alpha, reach, lift = base.dh_rows()[2, :3]
+    arm_begin = np.array([reach, -math.sin(alpha) * lift, math.cos(alpha) * lift])
     crane = Body(
         name=base.body_names[1],
         mass=config.crane.mass_kg,
-        size=np.array([crane_reach, config.crane.width_in * INCH, config.crane.width_in * INCH]),
-        centre=np.array([0.5 * config.motion_base.a2_in * INCH, 0.0, 0.0]),
+        size=np.maximum(np.abs(arm_begin), config.crane.width_in * INCH),
+        centre=0.5 * arm_begin,
     )
     bodies = [carriage, crane]
     for i, segment in enumerate(config.segments):

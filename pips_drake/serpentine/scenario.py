@@ -103,15 +103,14 @@ class CheckConfig:
 
 @dataclass
 class ViewConfig:
-    """A camera for a rendering or a replay: where it stands and looks, in the world, m."""
+    """From where renderings and the replay look at the arm and its scene."""
 
-    eye_m: list[float] = field(default_factory=lambda: [2.0, -9.0, 5.0])
-    target_m: list[float] = field(default_factory=lambda: [3.0, 0.0, 2.0])
+    # Direction in which the camera looks, in frame 0; it stands where everything is in view.
+    direction: list[float] = field(default_factory=lambda: [0.6, 0.45, 0.8])
 
     def validate(self) -> None:
-        for name in ("eye_m", "target_m"):
-            require(len(getattr(self, name)) == 3, f"view.{name}", getattr(self, name), "3 numbers")
-        require(self.eye_m != self.target_m, "view.eye_m", self.eye_m, "another point than target")
+        good = len(self.direction) == 3 and any(self.direction)
+        require(good, "direction", self.direction, "three numbers, not all zero")
 
 
 @dataclass

@@ -1,7 +1,8 @@
 """The arm's SDF, generated from the arm file: one source for lengths, masses and limits.
 
 A link's frame is its joint's Craig frame (FTL-95 Table A.1), so positions in Drake are the joint
-values of `kinematics`; link `rail` is frame {0}. Every body is a uniform box, seen and collided.
+values of `kinematics`; link `rail` is frame {0}. Every body is a uniform box, which is
+what collides; segments are drawn as trusses.
 Joints carry the drives' stiffness and damping as Drake controller gains, and hard stops where the
 strokes end, a little beyond the limits that a plan must keep.
 """
@@ -16,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from pips_drake.serpentine.arm import Body, SerpentineArm
 from pips_drake.serpentine.drives import drive_limits, joint_effort_limit, joint_stiffness, levers
+from pips_drake.serpentine.truss import Strut, segment_struts
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,7 @@ COLOURS = {
     "segment": "0.78 0.80 0.84 1",
     "crosshead": "0.20 0.22 0.26 1",
     "camera_head": "0.10 0.35 0.70 1",
+    "lens": "0.02 0.02 0.03 1",
 }
 
 
@@ -141,16 +144,67 @@ def _add_link(
         "izz": square[0] + square[1],
     }.items():
         ET.SubElement(inertia, name).text = _number(body.mass * value / 12.0)
-    for role in ("visual", "collision"):
-        element = ET.SubElement(link, role, name=f"{body.name}_{role}")
+    kind = body.name.rstrip("0123456789_")
+    colour = COLOURS[kind]
+    if kind == "segment":
+        for number, strut in enumerate(segment_struts(body), start=1):
+            _add_strut(link, arm, strut, f"strut_{number}", colour)
+    else:
+        _add_shape(link, "visual", f"{body.name}_visual", centre, _box(body.size), colour)
+    if kind == "camera_head":
+        # A lens, so that one sees where the camera looks.
+        ahead = np.array([1.0, 0.0, 0.0])
+        front = body.centre + 0.5 * body.size[0] * ahead
+        radius = 0.32 * float(body.size[1])
+        lens = Strut(start=front - 0.010 * ahead, end=front + 0.006 * ahead, radius=radius)
+        _add_strut(link, arm, lens, "lens", COLOURS["lens"])
+    _add_shape(link, "collision", f"{body.name}_collision", centre, _box(body.size), None)
+
+
+def _box(size: Array) -> ET.Element:
+    box = ET.Element("box")
+    ET.SubElement(box, "size").text = _numbers(size)
+    return box
+
+
+def _add_shape(
+    link: ET.Element,
+    role: str,
+    name: str,
+    centre: Array,
+    shape: ET.Element,
+    colour: str | None,
+    rotation: Rotation | None = None,
+) -> None:
+    element = ET.SubElement(link, role, name=name)
+    if rotation is None:
         ET.SubElement(element, "pose").text = _numbers(centre) + "  0 0 0"
-        geometry = ET.SubElement(element, "geometry")
-        box = ET.SubElement(geometry, "box")
-        ET.SubElement(box, "size").text = _numbers(body.size)
-        if role == "visual":
-            material = ET.SubElement(element, "material")
-            kind = body.name.rstrip("0123456789_")
-            ET.SubElement(material, "diffuse").text = COLOURS[kind]
+    else:
+        # Eight digits are enough to look at.
+        turn = " ".join(f"{value:.8f}" for value in rotation.as_quat(canonical=True))
+        place = " ".join(f"{value:.8f}" for value in centre)
+        pose = ET.SubElement(element, "pose", rotation_format="quat_xyzw")
+        pose.text = f"{place}  {turn}"
+    ET.SubElement(element, "geometry").append(shape)
+    if colour is not None:
+        material = ET.SubElement(element, "material")
+        ET.SubElement(material, "diffuse").text = colour
+
+
+def _add_strut(link: ET.Element, arm: SerpentineArm, strut: Strut, name: str, colour: str) -> None:
+    start, end = strut.start * arm.mirror, strut.end * arm.mirror
+    along = end - start
+    cylinder = ET.Element("cylinder")
+    ET.SubElement(cylinder, "radius").text = f"{strut.radius:.6f}"
+    ET.SubElement(cylinder, "length").text = f"{np.linalg.norm(along):.6f}"
+    # The shortest rotation that turns z into the strut's direction.
+    z = along / np.linalg.norm(along)
+    aside = np.cross([0.0, 0.0, 1.0], z)
+    sine = float(np.linalg.norm(aside))
+    turn = np.arctan2(sine, z[2])
+    axis = aside / sine if sine > 0.0 else np.array([1.0, 0.0, 0.0])
+    rotation = Rotation.from_rotvec(turn * axis)
+    _add_shape(link, "visual", name, 0.5 * (start + end), cylinder, colour, rotation)
 
 
 def _number(value: float) -> str:

@@ -22,6 +22,7 @@ from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
+from pips_drake.serpentine.runs.pictures import render_postures
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
 from pips_drake.twin.output_folder import output_folder, write_whole
@@ -172,6 +173,15 @@ def _simulate_into(
         sagging = _uncompensated(scenario, setup)
     _write_series(folder, assessment)
     _write_run_figures(folder, assessment, sagging)
+    no_pictures = render_postures(
+        folder / "figures",
+        scenario,
+        setup,
+        {
+            "least_clearance": run.data.joints[assessment.nearest],
+            "end": run.data.joints[int(np.argmax(run.data.tip_arc_lengths))],
+        },
+    )
     _write_diagram(folder, run.diagram)
     summary = assessment.summary() | {
         "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
@@ -180,6 +190,8 @@ def _simulate_into(
         "real_time_rate": run.run_time.real_time_rate,
         "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
     }
+    if no_pictures is not None:
+        summary["renderings_missing"] = no_pictures
     if sagging is not None:
         summary["spine_error_max_uncompensated_m"] = sagging.spine_errors.max()
     return summary, assessment.failures()

@@ -1,0 +1,62 @@
+"""How the arm's bodies look: struts of a truss, from the arm's data.
+
+FTL-95 section 2.1: a tetrahedral truss whose spine follows the corners opposite the linear
+actuators. A segment is drawn as a square truss that narrows to a point on the spine at both ends,
+where the hinges are. Looks only: what collides is the body's box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pips_drake.serpentine.arm import Body
+
+Array = NDArray[np.float64]
+
+#: Radius of a strut, and length of the points at both ends, as shares of the truss's width.
+STRUT_RADIUS, POINT_LENGTH = 0.028, 0.45
+#: Bays of a segment are about as long as this share of its width.
+BAY_LENGTH = 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strut:
+    """A round bar between two points (3,) m of a body's frame."""
+
+    start: Array
+    end: Array
+    radius: float
+
+
+def segment_struts(body: Body) -> list[Strut]:
+    """The struts of a segment: four longerons with frames and diagonals, and a point at each end.
+
+    Args:
+        body: its box gives length (along x) and width, and how it lies beside the spine (x axis).
+    """
+    length, width = float(body.size[0]), float(body.size[1])
+    point = min(POINT_LENGTH * width, 0.3 * length)
+    radius = STRUT_RADIUS * width
+    inset = 0.5 * width - radius
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * inset + body.centre[1:]
+    bays = max(1, round((length - 2.0 * point) / (BAY_LENGTH * width)))
+    stations = [
+        np.column_stack([np.full(4, x), corners])
+        for x in np.linspace(point, length - point, bays + 1)
+    ]
+    struts = []
+    for frame in stations:
+        struts += [(frame[k], frame[(k + 1) % 4]) for k in range(4)]
+    for number, (inner, outer) in enumerate(pairwise(stations)):
+        struts += [(inner[k], outer[k]) for k in range(4)]
+        # Diagonals that alternate from bay to bay, as in a warren truss.
+        for k in range(4):
+            left, right = (k, (k + 1) % 4) if (k + number) % 2 == 0 else ((k + 1) % 4, k)
+            struts.append((inner[left], outer[right]))
+    struts += [(np.zeros(3), corner) for corner in stations[0]]
+    struts += [(corner, np.array([length, 0.0, 0.0])) for corner in stations[-1]]
+    return [Strut(start=start, end=end, radius=radius) for start, end in struts]
