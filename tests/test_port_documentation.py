@@ -1,0 +1,122 @@
+"""Every system's `.. pydrake_system::` block names the ports that the system has."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+import re
+import textwrap
+from collections.abc import Callable
+
+import pytest
+import yaml
+from pydrake.geometry import ProximityProperties, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
+
+import pips_drake
+from pips_drake.serpentine.arm import load_arm
+from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.motion_profile import RestToRestProfile
+from pips_drake.serpentine.path_file import load_path
+
+
+def find_systems() -> dict[str, type[LeafSystem]]:
+    """All LeafSystems that a module of a package named `systems` defines, by class name."""
+    found = {}
+    for info in pkgutil.walk_packages(pips_drake.__path__, "pips_drake."):
+        if ".systems." not in info.name:
+            continue
+        module = importlib.import_module(info.name)
+        for name, value in inspect.getmembers(module, inspect.isclass):
+            if issubclass(value, LeafSystem) and value.__module__ == info.name:
+                found[name] = value
+    return found
+
+
+SYSTEMS = find_systems()
+#: J in the docstrings: joints of the arm that `ARGUMENTS` has.
+JOINTS = 18
+
+
+def a_plant() -> MultibodyPlant:
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), 1e-3)
+    body = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    plant.RegisterCollisionGeometry(
+        body, RigidTransform(), Sphere(0.1), "ball", ProximityProperties()
+    )
+    plant.Finalize()
+    return plant
+
+
+#: Something to pass for each argument that a system cannot do without, by its name.
+ARGUMENTS: dict[str, Callable[[], object]] = {
+    "arm": lambda: load_arm("prototype"),
+    "gravity": lambda: [0.0, 0.0, -9.81],
+    "path": lambda: load_path("trajectory_4"),
+    "plant": a_plant,
+    "profile": lambda: RestToRestProfile.make(travel=1.0, speed=0.1, ramp=1.0),
+    "robot": lambda: [a_plant().GetModelInstanceByName("DefaultModelInstance")],
+    "solver": lambda: FollowTheLeader(load_arm("prototype")),
+}
+
+
+def make_system(system: type[LeafSystem]) -> LeafSystem:
+    """An instance with the required arguments alone."""
+    parameters = inspect.signature(system).parameters.values()
+    needed = [p for p in parameters if p.default is p.empty]
+    positional = [ARGUMENTS[p.name]() for p in needed if p.kind is not p.KEYWORD_ONLY]
+    keywords = {p.name: ARGUMENTS[p.name]() for p in needed if p.kind is p.KEYWORD_ONLY}
+    return system(*positional, **keywords)
+
+
+def documented(system: type[LeafSystem]) -> dict[str, object]:
+    """The block's YAML."""
+    _, _, rest = inspect.cleandoc(system.__doc__ or "").partition(".. pydrake_system::\n")
+    lines = []
+    for line in rest.splitlines():
+        if line.strip() and not line.startswith(" "):
+            break
+        lines.append(line)
+    block = yaml.safe_load(textwrap.dedent("\n".join(lines)))
+    assert isinstance(block, dict), f"{system.__name__} has no '.. pydrake_system::' block"
+    return block
+
+
+def test_systems_are_found():
+    assert {"TipPathSource", "ActuatorServo", "ClearanceMonitor"} <= set(SYSTEMS)
+
+
+@pytest.mark.parametrize("name", sorted(SYSTEMS))
+def test_documented_ports_are_the_ports(name):
+    system = make_system(SYSTEMS[name])
+    live = {
+        "name": name,
+        "input_ports": [
+            system.get_input_port(i).get_name() for i in range(system.num_input_ports())
+        ],
+        "output_ports": [
+            system.get_output_port(i).get_name() for i in range(system.num_output_ports())
+        ],
+    }
+    block = documented(SYSTEMS[name])
+    assert {"input_ports": [], "output_ports": []} | block == live
+
+
+@pytest.mark.parametrize("name", sorted(SYSTEMS))
+def test_each_port_has_one_line_with_its_true_size(name):
+    system, text = make_system(SYSTEMS[name]), inspect.cleandoc(SYSTEMS[name].__doc__ or "")
+    ports = [system.get_input_port(i) for i in range(system.num_input_ports())]
+    ports += [system.get_output_port(i) for i in range(system.num_output_ports())]
+    for port in ports:
+        lines = re.findall(rf"^- `{port.get_name()}`(.*)", text, flags=re.MULTILINE)
+        assert len(lines) == 1, f"{name}.{port.get_name()} must have one line"
+        if port.get_data_type() == PortDataType.kAbstractValued:
+            assert lines[0].startswith(": abstract ")
+        else:
+            shape = re.match(r", \((\d*) ?(J?),\):", lines[0])
+            assert shape, f"{name}.{port.get_name()} must state its shape, such as (2 J,)"
+            assert int(shape[1] or 1) * (JOINTS if shape[2] else 1) == port.size()
