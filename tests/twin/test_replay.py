@@ -1,0 +1,180 @@
+"""A replay holds the run's poses, asks nothing of a server, and its page's script runs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pydrake.geometry
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.geometry import Box, Meshcat, MeshcatAnimation
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, PrismaticJoint, SpatialInertia
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from pips_drake.errors import InputError
+from pips_drake.twin.replay import LineInSpace, make_meshcat, needed_keys, write_replay
+
+TIME = np.arange(129) / 64
+#: Still for a second, then a metre in a second.
+POSITIONS = np.maximum(0.0, TIME - 1.0)[:, None]
+
+
+def make_slider() -> tuple[Diagram, MultibodyPlant, ModelInstanceIndex]:
+    """A box that slides along x, beside one that stands still."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    model = plant.AddModelInstance("slider")
+    inertia = SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1)
+    color = np.array([0.2, 0.4, 0.8, 1.0])
+    for name in ("moving", "standing"):
+        body = plant.AddRigidBody(name, model, inertia)
+        plant.RegisterVisualGeometry(body, RigidTransform(), Box(0.1, 0.1, 0.1), name, color)
+    frame = plant.GetFrameByName("moving")
+    plant.AddJoint(PrismaticJoint("x", plant.world_frame(), frame, [1.0, 0.0, 0.0]))
+    X_WS = RigidTransform([0.0, 1.0, 0.0])
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("standing"), X_WS)
+    plant.Finalize()
+    return builder.Build(), plant, model
+
+
+def write(file: Path, **changed: object) -> None:
+    diagram, plant, model = make_slider()
+    arguments: dict[str, object] = {
+        "time": TIME,
+        "positions": POSITIONS,
+        "eye": [0.0, -3.0, 1.0],
+        "target": [0.0, 0.0, 0.0],
+        "title": "Out & back",
+        "lines": [LineInSpace(name="path", points=[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])],
+    }
+    arguments.update(changed)
+    write_replay(file, diagram=diagram, plant=plant, model=model, **arguments)  # type: ignore
+
+
+def test_meshcat_listens_on_localhost_alone() -> None:
+    meshcat = make_meshcat()
+    assert meshcat.web_url().startswith("http://localhost:")
+    with pytest.raises(InputError, match=f"no Meshcat on port {meshcat.port()}"):
+        make_meshcat(meshcat.port())
+
+
+def test_what_moves_has_a_key_a_sample_and_what_stands_has_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys: list[tuple[int, str, float]] = []
+
+    class Noting(MeshcatAnimation):
+        def SetTransform(  # noqa: N802
+            self, frame: int, path: str, X_ParentPath: RigidTransform
+        ) -> None:
+            keys.append((frame, path, float(X_ParentPath.translation()[0])))
+            super().SetTransform(frame, path, X_ParentPath)
+
+    monkeypatch.setattr(pydrake.geometry, "MeshcatAnimation", Noting)
+    write(tmp_path / "a.html", sample_rate=4.0)
+    assert {path for _, path, _ in keys} == {"/replay/slider/moving"}
+    # Still for a second, then even: three keys say it all. x = t - 1 at t = frame / 4.
+    assert [frame for frame, _, _ in keys] == [0, 4, 8]
+    for frame, _, x in keys:
+        assert x == pytest.approx(max(0.0, frame / 4.0 - 1.0), abs=1e-12)
+
+
+def test_the_page_stands_alone_and_is_the_same_each_time(tmp_path: Path) -> None:
+    write(tmp_path / "a.html")
+    write(tmp_path / "b.html")
+    page = (tmp_path / "a.html").read_text()
+    assert page == (tmp_path / "b.html").read_text()
+    assert "<title>Out &amp; back</title>" in page
+    assert "<b>Out &amp; back</b>" in page
+    assert not re.search(r"<(script|link)[^>]*(src|href)=", page), "it loads another file"
+    assert len(page) < 3e6
+
+
+def test_the_given_camera_is_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    poses: list[tuple[list[float], list[float]]] = []
+
+    class Noting(Meshcat):
+        def SetCameraPose(  # noqa: N802
+            self, camera: np.ndarray, target: np.ndarray
+        ) -> None:
+            poses.append((list(camera), list(target)))
+
+    monkeypatch.setattr(pydrake.geometry, "Meshcat", Noting)
+    write(tmp_path / "a.html", eye=[1.0, 2.0, 3.0], target=[4.0, 5.0, 6.0])
+    assert poses == [([1.0, 2.0, 3.0], [4.0, 5.0, 6.0])]
+
+
+@pytest.mark.parametrize(
+    ("time", "positions"), [([], np.empty((0, 1))), ([0.0, 1.0], [[0.0]]), ([0.0], [[0.0, 0.0]])]
+)
+def test_shapes_that_disagree_are_refused(
+    tmp_path: Path, time: list[float], positions: list[list[float]]
+) -> None:
+    with pytest.raises(InputError, match=r"a\.html: time of shape .* must be"):
+        write(tmp_path / "a.html", time=time, positions=positions)
+
+
+def test_one_sample_is_a_still(tmp_path: Path) -> None:
+    write(tmp_path / "a.html", time=[0.0], positions=[[0.5]])
+    assert "of 0.0 s" in (tmp_path / "a.html").read_text()
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 2), min_size=1, max_size=30),
+    st.sampled_from([1e-6, 0.1, 3.0]),
+)
+def test_left_out_rows_lie_on_the_lines_between_the_others(
+    rows: list[tuple[float, float]], tolerance: float
+) -> None:
+    track = np.array(rows)
+    keys = needed_keys(track, tolerance)
+    assert list(keys) == sorted(set(keys))
+    at = np.arange(len(track))
+    lines = np.column_stack([np.interp(at, keys, column) for column in track[keys].T])
+    assert np.abs(lines - track).max() <= tolerance + 1e-12
+    if tolerance == 3.0:
+        assert list(keys) == [0], "nothing changes"
+
+
+SCRIPT = """
+<script>
+  setInterval(() => {
+    viewer.animator.update();
+    document.title = viewer.animator.time + " of " + viewer.animator.duration;
+  }, 100);
+</script>
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium to open the page with")
+def test_a_browser_plays_it_at_the_given_speed(tmp_path: Path) -> None:
+    time = np.arange(0.0, 1000.25, 0.25)
+    file = tmp_path / "a.html"
+    write(file, time=time, positions=0.001 * time[:, None], speed=8.0)
+    # Without a window no frame is drawn, so a timer stands in for them.
+    file.write_text(file.read_text().replace("</body>", SCRIPT + "</body>"))
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--use-gl=angle",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--virtual-time-budget=10000",
+        f"--user-data-dir={tmp_path / 'profile'}",
+        "--dump-dom",
+    ]
+    command = ["chromium", *options, file.as_uri()]
+    page = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
+    title = re.search(r"<title>([\d.]+) of 1000</title>", page)
+    assert title is not None
+    # The page takes its time to load, so somewhat less than 8 x 10 s have been played.
+    assert 40.0 < float(title[1]) <= 80.0
+    assert "of 1000.0 s, at 8 x" in page
