@@ -272,6 +272,8 @@ def _report(verdict: Verdict, lines: Sequence[Line]) -> int:
     for key, words, factor, unit in lines:
         if summary.get(key) is not None:
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
+    if summary.get("cycle_completed") is False:
+        print(f"  (only the first {summary['simulated_s']:g} s of the run)")
     if verdict.folder is not None:
         print(f"  written to {verdict.folder}")
     return DONE if verdict.passed else FAILED

@@ -27,4 +27,4 @@ def mounting_rotation(name: str) -> Array:
     """
     if name not in MOUNTINGS:
         raise UnknownNameError("mounting", name, list(MOUNTINGS))
-    return MOUNTINGS[name]
+    return MOUNTINGS[name].copy()

@@ -10,6 +10,7 @@ strokes end, a little beyond the limits that a plan must keep.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from pips_drake.serpentine.arm import Body, SerpentineArm
 from pips_drake.serpentine.drives import drive_limits, joint_effort_limit, joint_stiffness, levers
-from pips_drake.serpentine.truss import Strut, segment_struts
+from pips_drake.serpentine.truss import Strut, crosshead_struts, segment_struts
 
 Array = NDArray[np.float64]
 
@@ -148,16 +149,21 @@ def _add_link(
     colour = COLOURS[kind]
     if kind == "segment":
         for number, strut in enumerate(segment_struts(body), start=1):
-            _add_strut(link, arm, strut, f"strut_{number}", colour)
+            _add_strut(link, _mirrored(arm, strut), f"strut_{number}", colour)
     else:
         _add_shape(link, "visual", f"{body.name}_visual", centre, _box(body.size), colour)
+    if kind == "crosshead":
+        # Both ends stand in this arm's hand already.
+        joint = arm.bodies.index(body)
+        for number, strut in enumerate(crosshead_struts(arm, joint), start=1):
+            _add_strut(link, strut, f"bracket_{number}", colour)
     if kind == "camera_head":
         # A lens, so that one sees where the camera looks.
         ahead = np.array([1.0, 0.0, 0.0])
         front = body.centre + 0.5 * body.size[0] * ahead
         radius = 0.32 * float(body.size[1])
         lens = Strut(start=front - 0.010 * ahead, end=front + 0.006 * ahead, radius=radius)
-        _add_strut(link, arm, lens, "lens", COLOURS["lens"])
+        _add_strut(link, _mirrored(arm, lens), "lens", COLOURS["lens"])
     _add_shape(link, "collision", f"{body.name}_collision", centre, _box(body.size), None)
 
 
@@ -191,9 +197,12 @@ def _add_shape(
         ET.SubElement(material, "diffuse").text = colour
 
 
-def _add_strut(link: ET.Element, arm: SerpentineArm, strut: Strut, name: str, colour: str) -> None:
-    start, end = strut.start * arm.mirror, strut.end * arm.mirror
-    along = end - start
+def _mirrored(arm: SerpentineArm, strut: Strut) -> Strut:
+    return replace(strut, start=strut.start * arm.mirror, end=strut.end * arm.mirror)
+
+
+def _add_strut(link: ET.Element, strut: Strut, name: str, colour: str) -> None:
+    along = strut.end - strut.start
     cylinder = ET.Element("cylinder")
     ET.SubElement(cylinder, "radius").text = f"{strut.radius:.6f}"
     ET.SubElement(cylinder, "length").text = f"{np.linalg.norm(along):.6f}"
@@ -204,7 +213,7 @@ def _add_strut(link: ET.Element, arm: SerpentineArm, strut: Strut, name: str, co
     turn = np.arctan2(sine, z[2])
     axis = aside / sine if sine > 0.0 else np.array([1.0, 0.0, 0.0])
     rotation = Rotation.from_rotvec(turn * axis)
-    _add_shape(link, "visual", name, 0.5 * (start + end), cylinder, colour, rotation)
+    _add_shape(link, "visual", name, 0.5 * (strut.start + strut.end), cylinder, colour, rotation)
 
 
 def _number(value: float) -> str:

@@ -35,6 +35,7 @@ from pips_drake.serpentine.systems.actuator_angle_map import ActuatorAngleMap
 from pips_drake.serpentine.systems.actuator_force_map import ActuatorForceMap
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
 from pips_drake.serpentine.systems.actuator_servo import ActuatorServo
+from pips_drake.serpentine.systems.actuator_visualizer import AddActuatorVisualizer
 from pips_drake.serpentine.systems.deflection_compensator import DeflectionCompensator
 from pips_drake.serpentine.systems.follow_the_leader_controller import FollowTheLeaderController
 from pips_drake.serpentine.systems.tip_path_source import TipPathSource
@@ -46,6 +47,8 @@ Array = NDArray[np.float64]
 
 #: Name of the frame in which scenes and paths are given: the arm's frame {0}, fixed in the world.
 BASE_FRAME = "frame_0"
+#: How often a run's drawn actuators move, s.
+VISUAL_PERIOD = 1.0 / 32.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,9 +104,17 @@ def AddSerpentineArm(
 
 
 def make_plant(
-    builder: DiagramBuilder, setup: SerpentineSetup, scenario: SerpentineScenario
+    builder: DiagramBuilder,
+    setup: SerpentineSetup,
+    scenario: SerpentineScenario,
+    *,
+    visual_period: float | None = None,
 ) -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
-    """Adds a finalized plant with arm and scene; the arm's default posture is home on its path."""
+    """Adds a finalized plant with arm and scene; the arm's default posture is home on its path.
+
+    Args:
+        visual_period: how often the drawn actuators move, s; None for a plant that is only posed.
+    """
     plant, scene_graph = AddMultibodyPlant(
         MultibodyPlantConfig(
             time_step=1.0 / scenario.clocks.plant_hz,
@@ -121,6 +132,14 @@ def make_plant(
     if not home.solved[0]:
         raise InputError(setup.solver.explain(setup.path, home, 0))
     plant.SetDefaultPositions(model, home.joints[0])
+    AddActuatorVisualizer(
+        builder,
+        plant=plant,
+        model=model,
+        scene_graph=scene_graph,
+        arm=setup.arm,
+        period=visual_period,
+    )
     return plant, scene_graph, model
 
 
@@ -231,7 +250,7 @@ def MakeSerpentineStation(
     Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
     `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated),
-    `clearance_monitor`.
+    `clearance_monitor`, `actuator_visualizer`.
 
     Input port: `tip_path_source.command` (1,), optional.
 
@@ -258,7 +277,7 @@ def MakeSerpentineStation(
     period = 1.0 / scenario.clocks.control_hz
     motion = scenario.motion
     builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, scenario)
+    plant, scene_graph, model = make_plant(builder, setup, scenario, visual_period=VISUAL_PERIOD)
     source = builder.AddNamedSystem(
         "tip_path_source",
         TipPathSource(

@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pips_drake.serpentine.arm import Body
+from pips_drake.serpentine.arm import Body, SerpentineArm
+from pips_drake.serpentine.kinematics import frames
 
 Array = NDArray[np.float64]
 
@@ -60,3 +61,34 @@ def segment_struts(body: Body) -> list[Strut]:
     struts += [(np.zeros(3), corner) for corner in stations[0]]
     struts += [(corner, np.array([length, 0.0, 0.0])) for corner in stations[-1]]
     return [Strut(start=start, end=end, radius=radius) for start, end in struts]
+
+
+def actuator_pins(arm: SerpentineArm) -> tuple[Array, Array]:
+    """Where the actuators L3 .. are pinned, (A, 3) m each: in the inner and in the outer body.
+
+    The pins lie in the plane square to the hinge, on its -Y side, and the hinge is straight with
+    phi0 between them; turning it by +theta then opens the angle between them (`linkage`).
+    """
+    linkage, first = arm.linkage, arm.first_actuated_joint
+    beta = 0.5 * (np.pi - linkage.pin_angle)
+    cosine, sine, zero = np.cos(beta), -np.sin(beta), np.zeros_like(beta)
+    outer = np.column_stack([cosine, sine, zero]) * linkage.anchor_outer[:, None] * arm.mirror
+    inner = np.column_stack([-cosine, sine, zero]) * linkage.anchor_inner[:, None] * arm.mirror
+    # The inner pins belong to the body before the hinge: through the hinge at joint value zero.
+    straight = frames(arm, np.zeros(arm.joints))[0]
+    inner = np.column_stack([inner, np.ones(len(inner))])
+    in_body = [
+        np.linalg.solve(straight[j - 1], straight[j] @ pin)[:3]
+        for j, pin in enumerate(inner, start=first)
+    ]
+    return np.array(in_body), outer
+
+
+def crosshead_struts(arm: SerpentineArm, joint: int) -> list[Strut]:
+    """Brackets from a crosshead to the pins it carries, in the frame of its joint (index)."""
+    inner, outer = actuator_pins(arm)
+    first, body = arm.first_actuated_joint, arm.bodies[joint]
+    radius = 0.06 * float(body.size[1])
+    ends = (outer[joint - first], inner[joint + 1 - first])
+    middle = body.centre * arm.mirror
+    return [Strut(start=middle, end=end, radius=radius) for end in ends]

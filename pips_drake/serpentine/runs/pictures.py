@@ -1,4 +1,4 @@
-"""Off-screen pictures of an arm in its scene."""
+"""Pictures and replay of an arm in its scene."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import SerpentineSetup, make_plant, mounting_pose
@@ -20,11 +23,14 @@ from pips_drake.twin.rendering import (
     render_view,
     save_png,
 )
+from pips_drake.twin.replay import LineInSpace, write_replay
 
 Array = NDArray[np.float64]
 
 #: Pixels of a picture.
 SIZE = (1600, 1000)
+#: Points at which a path is drawn.
+PATH_POINTS = 300
 
 
 def render_postures(
@@ -41,10 +47,7 @@ def render_postures(
     missing = render_available()
     if missing is not None:
         return missing
-    builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, scenario)
-    add_renderer(scene_graph)
-    diagram = builder.Build()
+    diagram, plant, scene_graph, model = _make_posed(scenario, setup, rendered=True)
     context = diagram.CreateDefaultContext()
     query_port = scene_graph.get_query_output_port()
     scene_context = scene_graph.GetMyContextFromRoot(context)
@@ -54,6 +57,49 @@ def render_postures(
         X_WC = fit_view(corner_points(query), view_direction(scenario), size=SIZE)
         save_png(render_view(query, X_WC, size=SIZE), folder / f"{name}.png")
     return None
+
+
+def write_run_replay(
+    file: Path,
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    *,
+    title: str,
+    time: ArrayLike,
+    joints: ArrayLike,
+) -> None:
+    """Writes recorded joints (N, joints) m and rad at times (N,) s as a 3-D page with the path."""
+    diagram, plant, scene_graph, model = _make_posed(scenario, setup, rendered=False)
+    context = diagram.CreateDefaultContext()
+    query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
+    corners = corner_points(query)
+    X_WC = fit_view(corners, view_direction(scenario), size=SIZE)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    path = setup.path.point(np.linspace(0.0, setup.path.length, PATH_POINTS))
+    X_W0: RigidTransform = mounting_pose(scenario)
+    write_replay(
+        file,
+        diagram=diagram,
+        plant=plant,
+        model=model,
+        time=time,
+        positions=joints,
+        eye=X_WC.translation(),
+        target=middle,
+        title=title,
+        lines=[LineInSpace(name="tip path", points=(X_W0 @ path.T).T)],
+    )
+
+
+def _make_posed(
+    scenario: SerpentineScenario, setup: SerpentineSetup, *, rendered: bool
+) -> tuple[Diagram, MultibodyPlant, SceneGraph, ModelInstanceIndex]:
+    """A plant that is posed and looked at, not simulated."""
+    builder = DiagramBuilder()
+    plant, scene_graph, model = make_plant(builder, setup, scenario)
+    if rendered:
+        add_renderer(scene_graph)
+    return builder.Build(), plant, scene_graph, model
 
 
 def view_direction(scenario: SerpentineScenario) -> Array:

@@ -11,7 +11,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import DrakeVisualizer, DrakeVisualizerParams, Meshcat
+from pydrake.geometry import (
+    DrakeVisualizer,
+    DrakeVisualizerParams,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+)
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
@@ -22,7 +28,7 @@ from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
-from pips_drake.serpentine.runs.pictures import render_postures
+from pips_drake.serpentine.runs.pictures import render_postures, write_run_replay
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
 from pips_drake.twin.output_folder import output_folder, write_whole
@@ -120,6 +126,10 @@ def run_station(
     DrakeVisualizer.AddToBuilder(
         builder, query, params=DrakeVisualizerParams(publish_period=1.0 / 32.0)
     )
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(
+            builder, query, meshcat, MeshcatVisualizerParams(publish_period=1.0 / 32.0)
+        )
     diagram = builder.Build()
     diagram.set_name("serpentine_run")
     simulator = Simulator(diagram)
@@ -182,6 +192,14 @@ def _simulate_into(
             "end": run.data.joints[int(np.argmax(run.data.tip_arc_lengths))],
         },
     )
+    write_run_replay(
+        folder / "replay.html",
+        scenario,
+        setup,
+        title=f"{name}: {setup.arm.name} on {setup.path.name}",
+        time=run.data.time,
+        joints=run.data.joints,
+    )
     _write_diagram(folder, run.diagram)
     summary = assessment.summary() | {
         "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
@@ -189,6 +207,8 @@ def _simulate_into(
         "wall_s": run.run_time.wall_s,
         "real_time_rate": run.run_time.real_time_rate,
         "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
+        "cycle_completed": scenario.duration_s <= 0.0
+        or run.run_time.simulated_s < scenario.duration_s,
     }
     if no_pictures is not None:
         summary["renderings_missing"] = no_pictures

@@ -1,0 +1,170 @@
+"""Draws the actuators between their pins."""
+
+from __future__ import annotations
+
+from pydrake.common.value import AbstractValue, Value
+from pydrake.geometry import (
+    Cylinder,
+    FrameId,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    MakePhongIllustrationProperties,
+    PerceptionProperties,
+    Rgba,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
+
+from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.truss import actuator_pins
+
+#: Tube and rod: red, green, blue, opacity.
+_TUBE_COLOUR, _ROD_COLOUR = (0.80, 0.36, 0.12, 1.0), (0.92, 0.92, 0.95, 1.0)
+#: Radii as shares of the distance from hinge to pin.
+_TUBE_RADIUS, _ROD_RADIUS = 0.085, 0.045
+#: Length of tube and of rod as a share of the actuator's longest: they overlap at full stroke, and
+#: neither reaches past the other's pin when retracted.
+_PART_LENGTH = 0.52
+
+
+class ActuatorVisualizer(LeafSystem):
+    """Tube and rod of every actuator, for whatever shows the scene graph. Looks only.
+
+    .. pydrake_system::
+
+        name: ActuatorVisualizer
+        input_ports:
+        - body_poses
+        output_ports:
+        - geometry_pose
+
+    Input port:
+
+    - `body_poses`: abstract list of `RigidTransform` X_WB, from the plant.
+
+    Output port, from state; with feedthrough if `period` is None:
+
+    - `geometry_pose`: abstract `FramePoseVector` of tubes and rods in the world, to the scene
+      graph's source pose port of this source (`AddActuatorVisualizer` connects it).
+
+    State: the output, abstract, updated every `period` s and at initialization; none if `period` is
+    None.
+
+    An actuator's tube stands at its inner pin and points at the outer one, its rod at the outer pin
+    and points back; both lie on the line between the pins, so the rod slides. A plant asks its
+    scene graph for contacts at every step, and that for all poses: sampled, they cost a run little.
+
+    Args:
+        arm: the arm.
+        plant: finalized; holds the arm.
+        model: the arm's model instance.
+        scene_graph: where the shapes are registered.
+        period: s; None for a picture of whatever posture is set.
+    """
+
+    def __init__(
+        self,
+        arm: SerpentineArm,
+        *,
+        plant: MultibodyPlant,
+        model: ModelInstanceIndex,
+        scene_graph: SceneGraph,
+        period: float | None = None,
+    ) -> None:
+        super().__init__()
+        self._inner_pins, self._outer_pins = actuator_pins(arm)
+        bodies = [plant.GetBodyByName(body.name, model).index() for body in arm.bodies]
+        first = arm.first_actuated_joint
+        self._inner_bodies: list[BodyIndex] = bodies[first - 1 : -1]
+        self._outer_bodies: list[BodyIndex] = bodies[first:]
+        self.source_id = scene_graph.RegisterSource("actuator_visualizer")
+        self._frames: list[tuple[FrameId, FrameId]] = []
+        for k, name in enumerate(arm.actuator_names):
+            reach = float(arm.linkage.anchor_inner[k])
+            length = _PART_LENGTH * float(arm.linkage.length_upper[k])
+            tube = self._register(
+                scene_graph, f"{name}_tube", _TUBE_RADIUS * reach, length, _TUBE_COLOUR
+            )
+            rod = self._register(
+                scene_graph, f"{name}_rod", _ROD_RADIUS * reach, length, _ROD_COLOUR
+            )
+            self._frames.append((tube, rod))
+        self._poses_port = self.DeclareAbstractInputPort(
+            "body_poses", AbstractValue.Make([RigidTransform()])
+        )
+        if period is None:
+            self.DeclareAbstractOutputPort(
+                "geometry_pose",
+                lambda: AbstractValue.Make(FramePoseVector()),
+                self._calc_geometry_pose,
+            )
+            return
+        start = FramePoseVector()
+        for frame in (frame for pair in self._frames for frame in pair):
+            start.set_value(frame, RigidTransform())
+        self._state = self.DeclareAbstractState(AbstractValue.Make(start))
+        self.DeclareStateOutputPort("geometry_pose", self._state)
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._update_poses)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update_poses)
+
+    def _register(
+        self,
+        scene_graph: SceneGraph,
+        name: str,
+        radius: float,
+        length: float,
+        colour: tuple[float, float, float, float],
+    ) -> FrameId:
+        frame = scene_graph.RegisterFrame(self.source_id, GeometryFrame(name))
+        # Along z from the frame's origin.
+        shape = GeometryInstance(
+            RigidTransform([0.0, 0.0, 0.5 * length]), Cylinder(radius, length), name
+        )
+        shape.set_illustration_properties(MakePhongIllustrationProperties(colour))
+        perception = PerceptionProperties()
+        perception.AddProperty("phong", "diffuse", Rgba(*colour))
+        shape.set_perception_properties(perception)
+        scene_graph.RegisterGeometry(self.source_id, frame, shape)
+        return frame
+
+    def _update_poses(self, context: Context, state: State) -> None:
+        state.get_mutable_abstract_state(int(self._state)).set_value(self._poses(context))
+
+    def _calc_geometry_pose(self, context: Context, output: Value) -> None:
+        output.set_value(self._poses(context))
+
+    def _poses(self, context: Context) -> FramePoseVector:
+        poses = self._poses_port.Eval(context)
+        vector = FramePoseVector()
+        for k, (tube, rod) in enumerate(self._frames):
+            inner = poses[int(self._inner_bodies[k])] @ self._inner_pins[k]
+            outer = poses[int(self._outer_bodies[k])] @ self._outer_pins[k]
+            for frame, start, end in ((tube, inner, outer), (rod, outer, inner)):
+                rotation = RotationMatrix.MakeFromOneVector(end - start, 2)
+                vector.set_value(frame, RigidTransform(rotation, start))
+        return vector
+
+
+def AddActuatorVisualizer(
+    builder: DiagramBuilder,
+    *,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    scene_graph: SceneGraph,
+    arm: SerpentineArm,
+    period: float | None = None,
+) -> ActuatorVisualizer:
+    """Adds and connects an `ActuatorVisualizer`."""
+    system = builder.AddNamedSystem(
+        "actuator_visualizer",
+        ActuatorVisualizer(arm, plant=plant, model=model, scene_graph=scene_graph, period=period),
+    )
+    builder.Connect(plant.get_body_poses_output_port(), system.GetInputPort("body_poses"))
+    builder.Connect(
+        system.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(system.source_id)
+    )
+    return system
