@@ -74,7 +74,9 @@ def write_run_replay(
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
     corners = corner_points(query)
     X_WC = fit_view(corners, view_direction(scenario), size=SIZE)
-    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    # A point ahead of the eye, as far as the middle of what is seen: the page turns about it.
+    eye, ahead = X_WC.translation(), X_WC.rotation().col(2)
+    target = eye + ahead * float((corners.mean(axis=0) - eye) @ ahead)
     path = setup.path.point(np.linspace(0.0, setup.path.length, PATH_POINTS))
     X_W0: RigidTransform = mounting_pose(scenario)
     write_replay(
@@ -84,8 +86,8 @@ def write_run_replay(
         model=model,
         time=time,
         positions=joints,
-        eye=X_WC.translation(),
-        target=middle,
+        eye=eye,
+        target=target,
         title=title,
         lines=[LineInSpace(name="tip path", points=(X_W0 @ path.T).T)],
     )
