@@ -18,6 +18,7 @@ from pydrake.geometry import (
     MeshcatVisualizer,
     MeshcatVisualizerParams,
 )
+from pydrake.lcm import DrakeLcm
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
@@ -110,9 +111,16 @@ def run_station(
     setup: SerpentineSetup,
     *,
     meshcat: Meshcat | None = None,
+    lcm: DrakeLcm | None = None,
     label: str = "simulating",
 ) -> Run:
-    """Builds a scenario's station with logs around it, and runs it from start to end."""
+    """Builds a scenario's station with logs around it, and runs it from start to end.
+
+    Args:
+        meshcat: shows the run while it goes on.
+        lcm: where Meldis is told of it; Drake's default address without it.
+        label: of the progress bar.
+    """
     station = MakeSerpentineStation(scenario, setup=setup)
     builder = DiagramBuilder()
     builder.AddNamedSystem("station", station)
@@ -124,7 +132,7 @@ def run_station(
     query = station.GetOutputPort("scene_graph.query")
     # Meldis listens on LCM: it shows whatever runs.
     DrakeVisualizer.AddToBuilder(
-        builder, query, params=DrakeVisualizerParams(publish_period=1.0 / 32.0)
+        builder, query, lcm=lcm, params=DrakeVisualizerParams(publish_period=1.0 / 32.0)
     )
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(
