@@ -20,4 +20,4 @@ JOINT_UNITS = {"in": INCH, "m": 1.0, "deg": DEGREE, "rad": 1.0}
 
 def in_inches(point: Iterable[float]) -> str:
     """A point given in m as text in inches, the unit of FTL-95's tables."""
-    return "(" + ", ".join(f"{value / INCH:.3f}" for value in point) + ") in"
+    return "(" + ", ".join(f"{round(value / INCH, 3) + 0.0:.3f}" for value in point) + ") in"

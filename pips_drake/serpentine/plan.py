@@ -31,8 +31,9 @@ BASE_LINE_TOLERANCE = 0.05 * INCH
 HOME_SLACK = 0.001 * INCH
 #: Joint values are computed to this, rad and m: a limit is not broken by less.
 LIMIT_TOLERANCE = 1e-9
-#: Points a link at which the centre line is compared with the path.
-POINTS_PER_LINK = 9
+#: Points a link at which the centre line is compared with the path, 8 mm apart on the longest. The
+#: farthest point between them was up to 0.35 mm farther on trajectory 4 (2.7 mm with 9 points).
+POINTS_PER_LINK = 65
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -229,4 +230,4 @@ def _base_direction(arm: SerpentineArm) -> Array:
 
 
 def _vector(direction: Array) -> str:
-    return "(" + ", ".join(f"{value + 0.0:.3f}" for value in direction) + ")"
+    return "(" + ", ".join(f"{round(value, 3) + 0.0:.3f}" for value in direction) + ")"
