@@ -7,14 +7,11 @@ import inspect
 import pkgutil
 import re
 import textwrap
-from collections.abc import Callable
 
 import pytest
 import yaml
-from pydrake.geometry import ProximityProperties, Sphere
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import SpatialInertia
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 
 import pips_drake
@@ -22,6 +19,7 @@ from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.motion_profile import RestToRestProfile
 from pips_drake.serpentine.path_file import load_path
+from pips_drake.serpentine.sdf import make_sdf
 
 
 def find_systems() -> dict[str, type[LeafSystem]]:
@@ -38,38 +36,38 @@ def find_systems() -> dict[str, type[LeafSystem]]:
 
 
 SYSTEMS = find_systems()
-#: J in the docstrings: joints of the arm that `ARGUMENTS` has.
+#: J in the docstrings: joints of the arm that `arguments` has.
 JOINTS = 18
 
 
-def a_plant() -> MultibodyPlant:
-    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), 1e-3)
-    body = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-    plant.RegisterCollisionGeometry(
-        body, RigidTransform(), Sphere(0.1), "ball", ProximityProperties()
-    )
+def arguments() -> dict[str, object]:
+    """Something to pass for each argument that a system cannot do without, by its name."""
+    arm = load_arm("prototype")
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 1e-3)
+    (model,) = Parser(plant).AddModelsFromString(make_sdf(arm), "sdf")
     plant.Finalize()
-    return plant
-
-
-#: Something to pass for each argument that a system cannot do without, by its name.
-ARGUMENTS: dict[str, Callable[[], object]] = {
-    "arm": lambda: load_arm("prototype"),
-    "gravity": lambda: [0.0, 0.0, -9.81],
-    "path": lambda: load_path("trajectory_4"),
-    "plant": a_plant,
-    "profile": lambda: RestToRestProfile.make(travel=1.0, speed=0.1, ramp=1.0),
-    "robot": lambda: [a_plant().GetModelInstanceByName("DefaultModelInstance")],
-    "solver": lambda: FollowTheLeader(load_arm("prototype")),
-}
+    return {
+        "arm": arm,
+        "gravity": [0.0, 0.0, -9.81],
+        "model": model,
+        "path": load_path("trajectory_4"),
+        "plant": plant,
+        "profile": RestToRestProfile.make(travel=1.0, speed=0.1, ramp=1.0),
+        "robot": [model],
+        "scene_graph": scene_graph,
+        "solver": FollowTheLeader(arm),
+    }
 
 
 def make_system(system: type[LeafSystem]) -> LeafSystem:
     """An instance with the required arguments alone."""
     parameters = inspect.signature(system).parameters.values()
     needed = [p for p in parameters if p.default is p.empty]
-    positional = [ARGUMENTS[p.name]() for p in needed if p.kind is not p.KEYWORD_ONLY]
-    keywords = {p.name: ARGUMENTS[p.name]() for p in needed if p.kind is p.KEYWORD_ONLY}
+    given = arguments()
+    missing = [p.name for p in needed if p.name not in given]
+    assert not missing, f"{system.__name__} needs {missing}: add them to arguments()"
+    positional = [given[p.name] for p in needed if p.kind is not p.KEYWORD_ONLY]
+    keywords = {p.name: given[p.name] for p in needed if p.kind is p.KEYWORD_ONLY}
     return system(*positional, **keywords)
 
 
