@@ -6,6 +6,8 @@ kept: it shows where); 2 bad input (one line, nothing written); 130 interrupted.
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +24,13 @@ if TYPE_CHECKING:
     from pips_drake.twin.verdict import Verdict
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+# What a shell says of a program that wrote to a closed pipe (128 + SIGPIPE).
+PIPE_CLOSED = 141
+
+
+def _word(metavar: str) -> Any:
+    """How the help calls what stands behind an option."""
+    return tyro.conf.arg(metavar=metavar)
 
 
 @dataclass(kw_only=True)
@@ -31,19 +40,19 @@ class Follow:
     Writes joints.csv, joints_in_deg.csv, spine_points.csv, actuators.csv, summary.json and figures.
     """
 
-    path: tyro.conf.Positional[str]
+    path: Annotated[tyro.conf.Positional[str], _word("PATH")]
     """A shipped path (see `pips list`), a CSV with columns x_in,y_in,z_in or x_m,y_m,z_m, or a YAML
     list of lines and arcs. Row 1 is the base end of the straight line, row 2 the home tip."""
-    arm: str = "prototype"
+    arm: Annotated[str, _word("NAME")] = "prototype"
     """A shipped arm, or an arm file."""
-    step_in: float | None = None
+    step_in: Annotated[float | None, _word("S")] = None
     """Spacing of the tip along the path, in. Without it the tip visits the path's own points."""
-    tolerance_in: float = 1e-9
+    tolerance_in: Annotated[float, _word("T")] = 1e-9
     """Spine error at which the iteration stops, in. Above 1e-9 in the report's mode: module lengths
     carry over from point to point (the report's own tolerance is 0.1)."""
-    max_iterations: int = 50
+    max_iterations: Annotated[int, _word("N")] = 50
     """Iteration limit a tip position; a point that needs more fails."""
-    out: Path | None = None
+    out: Annotated[Path | None, _word("DIR")] = None
     """Folder to write; out/follow_PATH by default."""
     force: bool = False
     """Replace an earlier result in that folder."""
@@ -67,18 +76,18 @@ class Follow:
 class Check:
     """Judge a path in a scene without simulating: limits, clearance, forces, speeds."""
 
-    path: tyro.conf.Positional[str]
+    path: Annotated[tyro.conf.Positional[str], _word("PATH")]
     """A shipped path, or a file as for `pips follow`. Corners of a table are blended by arcs."""
-    arm: str = "prototype"
+    arm: Annotated[str, _word("NAME")] = "prototype"
     """A shipped arm, or an arm file."""
-    scene: str | None = None
+    scene: Annotated[str | None, _word("NAME")] = None
     """A shipped scene or a file (*.dmd.yaml); `none` for no scene. Without it, the shipped scene of
     the path's name."""
-    mounting: str = "pad"
+    mounting: Annotated[str, _word("NAME")] = "pad"
     """laboratory, pad or pad_below: how the arm's base stands."""
-    corner_deviation_in: float = 0.25
+    corner_deviation_in: Annotated[float, _word("D")] = 0.25
     """How far a blended corner may pass from its point, in; 0 keeps the corners."""
-    out: Path | None = None
+    out: Annotated[Path | None, _word("DIR")] = None
     """Folder to write summary and figures to; nothing is written without it."""
     force: bool = False
     """Replace an earlier result in that folder."""
@@ -105,13 +114,15 @@ class Check:
 class Simulate:
     """Simulate a scenario of any machine, and write its verdict, numbers, figures and replay."""
 
-    scenario: tyro.conf.Positional[str]
+    scenario: Annotated[tyro.conf.Positional[str], _word("SCENARIO")]
     """A shipped scenario (see `pips list`), or a YAML file."""
-    out: Path | None = None
+    out: Annotated[Path | None, _word("DIR")] = None
     """Folder to write; out/SCENARIO by default."""
-    overrides: Annotated[list[str], tyro.conf.arg(name="set", metavar="KEY=VALUE")] = field(
-        default_factory=list
-    )
+    # A list a `--set`: without appending, a second one would silently replace the first.
+    overrides: Annotated[
+        tyro.conf.UseAppendAction[list[list[str]]],
+        tyro.conf.arg(name="set", metavar="KEY=VALUE ..."),
+    ] = field(default_factory=list)
     """Change fields of the scenario, such as motion.dwell_s=2 checks.clearance_min_mm=40."""
     force: bool = False
     """Replace an earlier result in that folder."""
@@ -121,7 +132,8 @@ class Simulate:
     def run(self) -> int:
         from pips_drake.scenarios import load_scenario, simulate
 
-        loaded = load_scenario(self.scenario, _parse_overrides(self.overrides))
+        words = [word for group in self.overrides for word in group]
+        loaded = load_scenario(self.scenario, _parse_overrides(words))
         meshcat = _serve_meshcat() if self.meshcat else None
         out = self.out or Path("out") / loaded.name
         return _report(
@@ -133,7 +145,7 @@ class Simulate:
 class View:
     """Show a model in the browser with a slider a joint (Drake's model visualizer)."""
 
-    model: tyro.conf.Positional[str]
+    model: Annotated[tyro.conf.Positional[str], _word("MODEL")]
     """A shipped model (see `pips list`), or an SDF, URDF or MJCF file."""
     once: bool = False
     """Load and publish the model once, then stop: a check that it can be shown."""
@@ -173,9 +185,9 @@ class List:
 class Export:
     """Write an arm as SDF, generated from its arm file."""
 
-    arm: tyro.conf.Positional[str]
+    arm: Annotated[tyro.conf.Positional[str], _word("ARM")]
     """A shipped arm, or an arm file."""
-    out: Path | None = None
+    out: Annotated[Path | None, _word("FILE")] = None
     """File to write; ARM.sdf in the current folder by default."""
     force: bool = False
     """Replace an existing file."""
@@ -208,27 +220,52 @@ Command = (
 
 def main(args: Sequence[str] | None = None) -> None:
     """Parses the command line, runs the command, and exits with its code."""
-    command: Any = tyro.cli(
-        Command,
-        prog="pips",
-        description="Digital twin of NASA's PIPS serpentine arm: will it touch anything, and can "
-        "the arm do it?",
-        args=args,
-        use_underscores=True,
-        config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
-    )
     try:
-        code = command.run()
-    except InputError as error:
-        print(f"pips: {error}", file=sys.stderr)
-        code = BAD_INPUT
-    except PipsError as error:
-        print(f"pips: {error}", file=sys.stderr)
-        code = FAILED
-    except KeyboardInterrupt:
-        print("pips: interrupted; nothing was written", file=sys.stderr)
-        code = INTERRUPTED
+        try:
+            code = _run(args)
+        finally:
+            sys.stdout.flush()  # here, where a closed pipe is an exception that can be caught
+    except BrokenPipeError:
+        # Whoever read our output has seen enough (`pips list | head -1`). What Python still holds
+        # for it goes nowhere, or flushing it at exit would complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = PIPE_CLOSED
     sys.exit(code)
+
+
+def _run(args: Sequence[str] | None) -> int:
+    """Parses and runs; returns the exit code."""
+    if args is None:
+        # A polite kill cleans up as Ctrl-C does: no half-written folder stays behind.
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        command: Any = tyro.cli(
+            Command,
+            prog="pips",
+            description="Digital twin of NASA's PIPS serpentine arm: will it touch anything, and "
+            "can the arm do it?",
+            args=args,
+            use_underscores=True,
+            config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
+        )
+        code: int = command.run()
+    except InputError as error:
+        return _complain(error, BAD_INPUT)
+    except PipsError as error:
+        return _complain(error, FAILED)
+    except KeyboardInterrupt:
+        return _complain("interrupted; nothing was written", INTERRUPTED)
+    return code
+
+
+def _complain(error: object, code: int) -> int:
+    """Says what is wrong on one line, whatever stands in the names it quotes."""
+    shown = (
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+        for letter in str(error)
+    )
+    print("pips: " + "".join(shown), file=sys.stderr)
+    return code
 
 
 #: What is printed of a summary: key, words, factor, unit.
@@ -272,6 +309,9 @@ def _report(verdict: Verdict, lines: Sequence[Line]) -> int:
     for key, words, factor, unit in lines:
         if summary.get(key) is not None:
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
+    if summary.get("rail_shift_m"):
+        inches = summary["rail_shift_m"] / 0.0254
+        print(f"  re-anchored: the rail stands {inches:+.2f} in along z0, so that the path begins home")
     if summary.get("cycle_completed") is False:
         print(f"  (only the first {summary['simulated_s']:g} s of the run)")
     if verdict.folder is not None:

@@ -58,6 +58,8 @@ class SerpentineArm:
     Attributes:
         name: of the arm file.
         mirrored: the as-built hand; geometry is reflected in the x0-z0 plane, joint values are not.
+        rail_is_placed_for_the_path: paths are shifted along the rail to begin at this arm's home
+            tip (`anchoring`); else a path must begin where the arm can start.
         base: the motion base; its last joint moves segment 1.
         segment_length: S_i, (S,) m.
         segment_offset: Delta_i, (S,) m; the last is not part of the chain.
@@ -73,6 +75,7 @@ class SerpentineArm:
 
     name: str
     mirrored: bool
+    rail_is_placed_for_the_path: bool
     base: MotionBase
     segment_length: Array
     segment_offset: Array
@@ -200,6 +203,7 @@ def make_arm(config: ArmFile) -> SerpentineArm:
     arm = SerpentineArm(
         name=config.name,
         mirrored=config.mirrored,
+        rail_is_placed_for_the_path=config.rail_is_placed_for_the_path,
         base=base,
         segment_length=length,
         segment_offset=offset,

@@ -179,6 +179,7 @@ class ArmFile:
 
     name: str = ""
     mirrored: bool = False
+    rail_is_placed_for_the_path: bool = False
     motion_base: MotionBaseConfig = field(default_factory=MotionBaseConfig)
     segments: list[SegmentConfig] = field(default_factory=list)
     joints: list[JointConfig] = field(default_factory=list)

@@ -22,6 +22,7 @@ from pydrake.systems.primitives import AffineSystem, ZeroOrderHold
 from pips_drake.errors import InputError
 from pips_drake.scene.loading import AddPlacedFrame, AddScene, check_anchored
 from pips_drake.scene.packages import find_arm_file, find_path_file, find_scene_file
+from pips_drake.serpentine.anchoring import anchor_path
 from pips_drake.serpentine.arm import SerpentineArm, load_arm
 from pips_drake.serpentine.drives import joint_stiffness
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
@@ -53,12 +54,19 @@ VISUAL_PERIOD = 1.0 / 32.0
 
 @dataclass(frozen=True, kw_only=True)
 class SerpentineSetup:
-    """What a scenario names, loaded: the arm, its path, the solver and the scene's file."""
+    """What a scenario names, loaded: the arm, its path, the solver and the scene's file.
+
+    Attributes:
+        path: in the arm's frame {0}.
+        rail_shift: how far along z0 the arm's frame {0} stands from the scene's `frame_0`, m; not
+            0 for an arm whose rail is placed for the path (`anchoring`).
+    """
 
     arm: SerpentineArm
     path: TipPath
     solver: FollowTheLeader
     scene_file: Path | None
+    rail_shift: float = 0.0
 
 
 def load_setup(scenario: SerpentineScenario, *, folder: Path | None = None) -> SerpentineSetup:
@@ -68,38 +76,51 @@ def load_setup(scenario: SerpentineScenario, *, folder: Path | None = None) -> S
         InputError: a name is unknown, or a file cannot be used.
     """
     arm = load_arm(find_arm_file(scenario.arm, inside=folder))
-    path = load_path(
+    drawn_path = load_path(
         find_path_file(scenario.path, inside=folder),
         smooth=scenario.corner_deviation_in > 0.0,
         corner_deviation=scenario.corner_deviation_in * INCH,
     )
+    path, rail_shift = anchor_path(arm, drawn_path)
     solver = FollowTheLeader(
         arm,
         tolerance=scenario.solver.tolerance_in * INCH,
         max_iterations=scenario.solver.max_iterations,
     )
     scene_file = find_scene_file(scenario.scene, inside=folder) if scenario.scene else None
-    return SerpentineSetup(arm=arm, path=path, solver=solver, scene_file=scene_file)
+    return SerpentineSetup(
+        arm=arm, path=path, rail_shift=rail_shift, solver=solver, scene_file=scene_file
+    )
 
 
 def mounting_pose(scenario: SerpentineScenario) -> RigidTransform:
-    """Pose X_W0 of the arm's frame {0} in the world."""
+    """Pose in the world of `frame_0`, in which scenes and paths are given."""
     rotation = RotationMatrix(mounting_rotation(scenario.mounting))
     return RigidTransform(rotation, scenario.mounting_position_m)
 
 
-def AddSerpentineArm(
-    plant: MultibodyPlant, arm: SerpentineArm, X_W0: RigidTransform
-) -> ModelInstanceIndex:
-    """Adds the arm, generated from its data, with its rail welded to the world at `X_W0`.
+def arm_pose(scenario: SerpentineScenario, setup: SerpentineSetup) -> RigidTransform:
+    """Pose X_W0 of the arm's frame {0} in the world."""
+    return mounting_pose(scenario) @ RigidTransform([0.0, 0.0, setup.rail_shift])
 
-    The plant gets the frame `frame_0` there, for scenes to be welded to.
+
+def AddSerpentineArm(
+    plant: MultibodyPlant, arm: SerpentineArm, X_WF: RigidTransform, rail_shift: float = 0.0
+) -> ModelInstanceIndex:
+    """Adds the arm, generated from its data, with its rail welded to the world.
+
+    The plant gets the frame `frame_0` at `X_WF`, for scenes to be welded to; the arm's own frame {0}
+    stands `rail_shift` (m) from it along z.
     """
     parser = Parser(plant)
     parser.SetStrictParsing()
     (model,) = parser.AddModelsFromString(make_sdf(arm), "sdf")
-    AddPlacedFrame(plant, BASE_FRAME, X_W0)
-    plant.WeldFrames(plant.GetFrameByName(BASE_FRAME), plant.GetFrameByName(arm.rail.name, model))
+    AddPlacedFrame(plant, BASE_FRAME, X_WF)
+    plant.WeldFrames(
+        plant.GetFrameByName(BASE_FRAME),
+        plant.GetFrameByName(arm.rail.name, model),
+        RigidTransform([0.0, 0.0, rail_shift]),
+    )
     return model
 
 
@@ -123,7 +144,7 @@ def make_plant(
         ),
         builder,
     )
-    model = AddSerpentineArm(plant, setup.arm, mounting_pose(scenario))
+    model = AddSerpentineArm(plant, setup.arm, mounting_pose(scenario), setup.rail_shift)
     scene = [] if setup.scene_file is None else AddScene(plant, setup.scene_file)
     plant.Finalize()
     if setup.scene_file is not None:

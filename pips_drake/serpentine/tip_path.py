@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 #: Corners below this are rounding, rad.
 STRAIGHT = 1e-9
+#: Corners above this turn straight back, which no arc does, rad.
+BACK = math.pi - 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,13 +124,13 @@ class TipPath:
         """The path reflected in the x0-z0 plane."""
         pieces = self.pieces.copy()
         pieces[:, [ORIGIN + 1, U + 1, V + 1]] *= -1.0
-        return TipPath(
-            name=self.name,
-            pieces=pieces,
-            home_arc_length=self.home_arc_length,
-            marks=self.marks,
-            deviation=self.deviation,
-        )
+        return replace(self, pieces=pieces)
+
+    def translated(self, by: ArrayLike) -> TipPath:
+        """The path moved by a vector (3,) m."""
+        pieces = self.pieces.copy()
+        pieces[:, ORIGIN : ORIGIN + 3] += np.asarray(by)
+        return replace(self, pieces=pieces)
 
 
 class PathBuilder:
@@ -256,6 +258,11 @@ def blended_path(points: ArrayLike, name: str, *, corner_deviation: float = math
             room = 0.5 * min(lengths[i - 1] if i > 1 else math.inf, lengths[i])
             if i == 1 and ahead > 0.0:
                 room = min(ahead, room)
+            if turn > BACK:
+                raise InputError(
+                    f"path '{name}': turns straight back at row {i + 1}, which no arc can blend; "
+                    "must turn by less than 180 deg"
+                )
             if turn > STRAIGHT:
                 # Corner to arc is t tan(turn / 4), with t from the corner to where the arc begins.
                 tangent_length = min(room, corner_deviation / math.tan(0.25 * turn))

@@ -9,8 +9,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.config import dump_yaml
-from pips_drake.errors import UnknownNameError
-from pips_drake.scene.packages import find_scene_file
+from pips_drake.scene.packages import list_names
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs.follow import drive_numbers, plan_numbers, write_plan_figures
 from pips_drake.serpentine.scenario import SerpentineScenario
@@ -30,13 +29,9 @@ from pips_drake.twin.verdict import Verdict
 
 def scene_of_path(path: str) -> str:
     """The shipped scene that belongs to a path: of its own name, or of its table's; else none."""
-    for name in (path, path.removesuffix("_arcs")):
-        try:
-            find_scene_file(name)
-        except UnknownNameError:
-            continue
-        return name
-    return ""
+    # Names alone: the path of a file, which `find_scene_file` would take too, is no scene.
+    shipped = list_names("scene")
+    return next((name for name in (path, path.removesuffix("_arcs")) if name in shipped), "")
 
 
 def check(
@@ -93,7 +88,11 @@ def _check(
 ) -> tuple[Verdict, Plan, Clearances]:
     plan = make_plan(setup.arm, setup.path)
     failures = list(plan.failures)
-    summary = plan_numbers(plan) | {"scenario": name, "scene": scenario.scene or None}
+    summary = plan_numbers(plan) | {
+        "scenario": name,
+        "scene": scenario.scene or None,
+        "rail_shift_m": setup.rail_shift,
+    }
     clearance: Clearances = []
     if plan.solution.solved.any():
         builder = DiagramBuilder()

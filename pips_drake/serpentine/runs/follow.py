@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.errors import InputError
+from pips_drake.serpentine.anchoring import anchor_path
 from pips_drake.serpentine.arm import SerpentineArm, load_arm
 from pips_drake.serpentine.drives import drive_efforts, drive_limits, levers
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.path_file import load_path
-from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.plan import Plan, make_plan, tip_samples
 from pips_drake.serpentine.runs import figures
+from pips_drake.serpentine.scenario import check_solver
 from pips_drake.twin.output_folder import output_folder
 from pips_drake.twin.recording import Series, write_csv
 from pips_drake.twin.summary import versions, write_summary
@@ -51,13 +53,15 @@ def follow(
         InputError: the arm, the path or a number cannot be used; nothing is written.
     """
     if step_in is not None and not (np.isfinite(step_in) and step_in > 0.0):
-        raise InputError(f"step_in = {step_in} in; must be > 0")
-    the_arm, the_path = load_arm(arm), load_path(path)
+        raise InputError(f"step_in = {step_in} in; must be > 0 and finite")
+    check_solver(tolerance_in, max_iterations)
+    the_arm = load_arm(arm)
+    the_path, rail_shift = anchor_path(the_arm, load_path(path))
     solver = FollowTheLeader(the_arm, tolerance=tolerance_in * INCH, max_iterations=max_iterations)
-    tips = the_path.marks if step_in is None else the_path.samples(step_in * INCH)
+    tips = the_path.marks if step_in is None else tip_samples(the_path, step_in * INCH)
     plan = make_plan(the_arm, the_path, tip_arc_lengths=tips, solver=solver)
     summary = {"verdict": "fail" if plan.failures else "pass", "failures": plan.failures}
-    summary |= {"versions": versions()} | plan_numbers(plan)
+    summary |= {"versions": versions(), "rail_shift_m": rail_shift} | plan_numbers(plan)
     with output_folder(out, force=force) as folder:
         _write_tables(folder, plan)
         (folder / "figures").mkdir()

@@ -14,7 +14,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from pips_drake.serpentine.scenario import SerpentineScenario
-from pips_drake.serpentine.station import SerpentineSetup, make_plant, mounting_pose
+from pips_drake.serpentine.station import SerpentineSetup, arm_pose, make_plant, mounting_pose
 from pips_drake.twin.rendering import (
     add_renderer,
     corner_points,
@@ -78,7 +78,7 @@ def write_run_replay(
     eye, ahead = X_WC.translation(), X_WC.rotation().col(2)
     target = eye + ahead * float((corners.mean(axis=0) - eye) @ ahead)
     path = setup.path.point(np.linspace(0.0, setup.path.length, PATH_POINTS))
-    X_W0: RigidTransform = mounting_pose(scenario)
+    X_W0: RigidTransform = arm_pose(scenario, setup)
     write_replay(
         file,
         diagram=diagram,

@@ -95,6 +95,7 @@ def simulate(
         summary = {"arm": setup.arm.name, "path": setup.path.name} | summary
         summary |= {
             "path_version": setup.path.version,
+            "rail_shift_m": setup.rail_shift,
             "scenario": name,
             "path_corner_deviation_m": setup.path.deviation,
             "verdict": "fail" if failures else "pass",
