@@ -202,6 +202,17 @@ def test_reports_mode_is_judged_with_its_own_joints_and_the_converged_sweep(arm,
     assert plan.solution.spine_error.max() / INCH == pytest.approx(0.0676, abs=5e-5)
 
 
+def test_limits_are_judged_by_converged_joints_however_coarse_the_solver(table):
+    narrow = arm_with_row(theta8=(-20.0, 20.0))
+    coarse = FollowTheLeader(narrow, tolerance=REPORT_TOLERANCE)
+    plan = make_plan(narrow, table, solver=coarse)
+    assert plan.failures == make_plan(narrow, table).failures
+    # The coarse joints are others, by more than the sentence's last digit.
+    s = plan.solution.tip_arc_lengths
+    converged = FollowTheLeader(narrow).solve(table, s).joints[:, 7]
+    assert np.abs(plan.joints[:, 7] - converged).max() > 0.001 * DEGREE
+
+
 @pytest.mark.parametrize("aside", [0.04, -0.04])
 def test_row_2_may_stand_off_the_base_line_by_0_04_in(arm, aside):
     check_start(arm, moved_table(home_aside_in=aside))

@@ -360,6 +360,21 @@ def test_hold_stops_the_arm_and_run_goes_on():
     assert bench["tip_path_source.tip"][1] == pytest.approx(0.025, abs=1e-12)
 
 
+def test_interpolated_set_points_do_not_drift_from_the_servos():
+    bench = Bench(scenario(motion__tip_speed_mm_per_s=40.0))
+    bench.advance(10.0)  # far enough for the hinges to turn
+    bench.command(HOLD)
+    bench.advance(1.5)
+    wanted = bench["follow_the_leader.joint_state"][:18]
+    assert np.abs(wanted[2:]).max() > 0.1
+    aim = wanted + bench.holding_efforts(wanted) / bench.stiffness
+    interpolator = bench.station.GetSubsystemByName("setpoint_interpolator")
+    mine = interpolator.GetMyContextFromRoot(bench.context)
+    found = mine.get_discrete_state_vector().CopyToVector()
+    # Roundings of some 6000 sums of numbers up to 3. Sums of derivatives are off by 1e-6.
+    np.testing.assert_allclose(found, aim, rtol=0, atol=1e-11)
+
+
 def test_a_path_whose_home_cannot_be_reached_is_refused(tmp_path):
     (tmp_path / "aside.csv").write_text("x_in,y_in,z_in\n60,0,0\n60,0,174.902\n60,0,190\n")
     made = scenario()
