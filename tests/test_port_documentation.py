@@ -48,6 +48,7 @@ def arguments() -> dict[str, object]:
     plant.Finalize()
     return {
         "arm": arm,
+        "body_index": 1,
         "gravity": [0.0, 0.0, -9.81],
         "model": model,
         "path": load_path("trajectory_4"),
@@ -109,12 +110,13 @@ def test_each_port_has_one_line_with_its_true_size(name):
     system, text = make_system(SYSTEMS[name]), inspect.cleandoc(SYSTEMS[name].__doc__ or "")
     ports = [system.get_input_port(i) for i in range(system.num_input_ports())]
     ports += [system.get_output_port(i) for i in range(system.num_output_ports())]
-    for port in ports:
-        lines = re.findall(rf"^- `{port.get_name()}`(.*)", text, flags=re.MULTILINE)
-        assert len(lines) == 1, f"{name}.{port.get_name()} must have one line"
+    lines = re.findall(r"^- `(\w+)`(.*)", text, flags=re.MULTILINE)
+    # In the ports' order, inputs first: an input and an output may share their name.
+    assert [line[0] for line in lines] == [port.get_name() for port in ports]
+    for port, (_, line) in zip(ports, lines, strict=True):
         if port.get_data_type() == PortDataType.kAbstractValued:
-            assert lines[0].startswith(": abstract ")
+            assert line.startswith(": abstract ")
         else:
-            shape = re.match(r", \((\d*) ?(J?),\):", lines[0])
+            shape = re.match(r", \((\d*) ?(J?),\):", line)
             assert shape, f"{name}.{port.get_name()} must state its shape, such as (2 J,)"
             assert int(shape[1] or 1) * (JOINTS if shape[2] else 1) == port.size()
