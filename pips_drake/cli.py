@@ -6,6 +6,7 @@ kept: it shows where); 2 bad input (one line, nothing written); 130 interrupted.
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from pips_drake.twin.verdict import Verdict
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+# Where results cannot be written: no room, no right, or a medium that fails.
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EIO}
 # What a shell says of a program that wrote to a closed pipe (128 + SIGPIPE).
 PIPE_CLOSED = 141
 
@@ -201,6 +204,8 @@ class Export:
         file = self.out or Path(f"{arm.name}.sdf")
         if file.exists() and not self.force:
             raise InputError(f"{file} exists; use --force to replace it")
+        if file.is_dir():
+            raise InputError(f"{file}: is a folder; must be a file")
         if not file.parent.is_dir():
             raise InputError(f"{file.parent}: no such folder")
         write_whole(file, make_sdf(arm))
@@ -253,6 +258,10 @@ def _run(args: Sequence[str] | None) -> int:
         return _complain(error, BAD_INPUT)
     except PipsError as error:
         return _complain(error, FAILED)
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        return _complain(f"{error.filename or 'output'}: {error.strerror}", BAD_INPUT)
     except KeyboardInterrupt:
         return _complain("interrupted; nothing was written", INTERRUPTED)
     return code

@@ -22,6 +22,9 @@ from pips_drake.errors import InputError, UnknownNameError
 
 T = TypeVar("T")
 
+#: Numbers beyond this are mistakes in any unit of ours, and their squares may overflow.
+LARGEST = 1e12
+
 
 def load_yaml(schema: type[T], file: Path, *, overrides: dict[str, Any] | None = None) -> T:
     """Reads `file` into the dataclass `schema`, applies `overrides`, checks and returns it.
@@ -38,12 +41,7 @@ def load_yaml(schema: type[T], file: Path, *, overrides: dict[str, Any] | None =
     """
     from pydrake.common.yaml import yaml_load_typed
 
-    if not file.is_file():
-        raise InputError(f"{file}: no such file")
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{file}: not a text file in UTF-8") from None
+    text = read_text(file)
     try:
         _check_against(schema, _parse(text), where="")
         loaded: T = yaml_load_typed(schema=schema, data=text)
@@ -58,6 +56,39 @@ def load_yaml(schema: type[T], file: Path, *, overrides: dict[str, Any] | None =
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
     return loaded
+
+
+def load_plain(file: Path) -> dict[str, Any]:
+    """The mapping that a YAML file holds, not compared with any schema.
+
+    Raises:
+        InputError: the file cannot be read, is not YAML, or holds no mapping.
+    """
+    text = read_text(file)
+    try:
+        data = _parse(text)
+        _require_type(isinstance(data, dict), "", data, "a mapping")
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+    mapping: dict[str, Any] = data
+    return mapping
+
+
+def read_text(file: Path) -> str:
+    """The text of a UTF-8 file.
+
+    Raises:
+        InputError: says why the file cannot be read.
+    """
+    try:
+        if not file.is_file():  # devices and pipes are none either: reading them may not end
+            what = "is a folder, not a file" if file.is_dir() else "no such file"
+            raise InputError(f"{file}: {what}")
+        return file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{file}: not a text file in UTF-8") from None
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from None
 
 
 def validate(config: Any) -> None:
@@ -139,6 +170,8 @@ def _parse_like(current: Any, text: str, *, where: str) -> Any:
 def _check_finite(value: Any, *, where: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
         raise InputError(f"{where} = {value}; must be a finite number")
+    if isinstance(value, int | float) and abs(value) > LARGEST:
+        raise InputError(f"{where} = {value:g}; must be within +-{LARGEST:g}")
     for name, item in _children(value, where):
         _check_finite(item, where=name)
 
@@ -154,7 +187,8 @@ def _call_validate(value: Any, *, where: str) -> None:
         try:
             value.validate()
         except InputError as error:
-            raise InputError(f"{where}: {error}" if where else str(error)) from None
+            said = not where or str(error).startswith(f"{where}.")
+            raise InputError(str(error) if said else f"{where}: {error}") from None
 
 
 def _children(value: Any, where: str) -> list[tuple[str, Any]]:
@@ -191,6 +225,8 @@ def _parse(text: str) -> Any:
         raise InputError(f"not YAML: {_first_line(error)}") from None
     except RecursionError:
         raise InputError("not usable YAML: nested too deeply") from None
+    except (TypeError, ValueError) as error:  # dates that do not exist, numbers too long to read
+        raise InputError(f"not usable YAML: {_first_line(error)}") from None
     if isinstance(data, dict):  # pydrake's convention: root keys such as _template are nobody's
         data = {key: item for key, item in data.items() if not str(key).startswith("_")}
     return data

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pips_drake.config import load_yaml
+from pips_drake.config import load_plain, load_yaml
 from pips_drake.errors import InputError, UnknownNameError
 from pips_drake.scene.packages import find_scenario_file, scenarios_directory
 from pips_drake.serpentine.scenario import SerpentineScenario
@@ -88,24 +88,13 @@ def simulate(
 def scenario_descriptions() -> dict[str, str]:
     """The shipped scenarios' names and one-line descriptions."""
     files = sorted(scenarios_directory().glob("*.yaml"))
-    return {file.stem: str(_read_top(file).get("description", "")) for file in files}
+    return {file.stem: str(load_plain(file).get("description", "")) for file in files}
 
 
 def _machine_of(file: Path) -> str:
-    machine = _read_top(file).get("machine")
+    machine = load_plain(file).get("machine")
     if machine is None:
         raise InputError(f"{file}: no key 'machine'; must be one of {', '.join(sorted(MACHINES))}")
-    if machine not in MACHINES:
+    if not isinstance(machine, str) or machine not in MACHINES:
         raise InputError(f"{file}: {UnknownNameError('machine', str(machine), list(MACHINES))}")
-    return str(machine)
-
-
-def _read_top(file: Path) -> dict[str, Any]:
-    """The file's top-level mapping; empty if it has none, which `load_yaml` then refuses."""
-    import yaml
-
-    try:
-        top = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{file}: {' '.join(str(error).split())}") from None
-    return top if isinstance(top, dict) else {}
+    return machine

@@ -171,7 +171,7 @@ def test_aliases_and_merges_are_no_repeated_keys(tmp_path):
 def test_a_missing_file_a_folder_and_a_binary_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         load_yaml(Cart, tmp_path / "none.yaml")
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="is a folder"):
         load_yaml(Cart, tmp_path)
     file = tmp_path / "binary.yaml"
     file.write_bytes(b"\xff\x00\xfe")

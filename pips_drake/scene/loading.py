@@ -35,11 +35,17 @@ def AddScene(plant: MultibodyPlant, file: Path) -> list[ModelInstanceIndex]:
 
 
 def check_anchored(plant: MultibodyPlant, scene: list[ModelInstanceIndex], file: Path) -> None:
-    """Refuses a scene with a body that could fall.
+    """Refuses a scene with a body that could fall, or with nothing that could be touched.
 
     Raises:
         InputError: names the body.
     """
+    bodies = [plant.get_body(index) for model in scene for index in plant.GetBodyIndices(model)]
+    if not any(plant.GetCollisionGeometriesForBody(body) for body in bodies):
+        raise InputError(
+            f"{file}: no body has collision geometry; one must have some, or everything would "
+            "always look clear"
+        )
     for model in scene:
         for index in plant.GetBodyIndices(model):
             body = plant.get_body(index)

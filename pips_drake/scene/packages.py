@@ -71,6 +71,8 @@ def find_file(kind: str, name: str, *, inside: Path | None = None) -> Path:
     if name in shipped:
         return shipped[name]
     file = Path(name) if inside is None else inside / name
+    if name and _is_folder(file):
+        raise InputError(f"{kind} '{name}' is a folder; must be a shipped name or a file")
     if not _is_file(file):
         raise UnknownNameError(kind, name, list(shipped))
     if inside is not None:
@@ -128,6 +130,13 @@ def _shipped_files(kind: str) -> dict[str, Path]:
         for file in _data_root().glob(pattern):
             files[file.name.removesuffix(suffix)] = file
     return files
+
+
+def _is_folder(file: Path) -> bool:
+    try:
+        return file.is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 def _is_file(file: Path) -> bool:

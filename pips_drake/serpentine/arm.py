@@ -252,6 +252,15 @@ def _make_linkage(config: ArmFile, *, lower: Array, upper: Array) -> Linkage:
     """An actuator across each hinge from joint 3 on, of the inner segment's size."""
     inner = [max(0, (joint - 4) // 2) for joint in range(3, 3 + len(lower))]
     boxes = [config.boxes[config.segments[i].box] for i in inner]
+    # The pins, the hinge and the actuator are a triangle at every angle of the stroke.
+    pins = np.radians([box.pin_angle_deg for box in boxes])
+    for j in np.flatnonzero((pins + lower <= 0.0) | (pins + upper >= np.pi)):
+        name, straight = config.joints[2 + j].name, boxes[j].pin_angle_deg
+        raise InputError(
+            f"joints.{name}: limits {math.degrees(lower[j]):g} .. {math.degrees(upper[j]):g} deg; "
+            f"must be inside {-straight:g} .. {180.0 - straight:g} deg, where its actuator's pins "
+            "and the hinge are in line"
+        )
     return Linkage.make(
         anchor_inner=np.array([box.anchor_inner_in for box in boxes]) * INCH,
         anchor_outer=np.array([box.anchor_outer_in for box in boxes]) * INCH,

@@ -3,6 +3,7 @@
 Only reading and refusing happen here; `arm.py` turns an `ArmFile` into a `SerpentineArm` in SI.
 """
 
+import re
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -195,6 +196,9 @@ class ArmFile:
     camera_head: CameraHeadConfig = field(default_factory=CameraHeadConfig)
 
     def validate(self) -> None:
+        # It names the model in SDF, and the file that `pips export` writes.
+        good = re.fullmatch(r"[A-Za-z0-9][\w.-]*", self.name, re.ASCII) is not None
+        require(good, "name", repr(self.name), "a word of letters, digits, _, - and .")
         require(len(self.segments) >= 2, "segments", len(self.segments), "two or more")
         for segment in self.segments:
             known = ", ".join(sorted(self.boxes))

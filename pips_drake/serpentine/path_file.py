@@ -13,13 +13,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pips_drake.config import load_yaml
+from pips_drake.config import load_yaml, read_text, require
 from pips_drake.errors import InputError
 from pips_drake.scene.packages import find_path_file
 from pips_drake.serpentine.tip_path import PathBuilder, TipPath, blended_path, polyline_path
 from pips_drake.units import LENGTH_UNITS
 
 Array = NDArray[np.float64]
+
+#: Coordinates, lengths and radii beyond this (m) are mistakes: the arm is 4 m long.
+LARGEST = 1000.0
 
 
 @dataclass
@@ -57,6 +60,14 @@ class PathFile:
                 raise InputError(f"{name} = {getattr(self, name)}; must be three numbers")
         if not self.pieces or self.pieces[0].line is None:
             raise InputError("pieces: the first must be the line from the base to the home tip")
+        largest = LARGEST / LENGTH_UNITS[self.unit]
+        for value in self.start:
+            require(abs(value) <= largest, "start", value, f"within +-{largest:.6g} {self.unit}")
+        for index, piece in enumerate(self.pieces):
+            for name in ("line", "arc"):
+                value = getattr(piece, name) or 0.0
+                allowed = f"<= {largest:.6g} {self.unit}"
+                require(value <= largest, f"pieces[{index}].{name}", value, allowed)
 
 
 def load_path(
@@ -91,14 +102,7 @@ def read_points(file: Path) -> Array:
         InputError: names file, row and value. Row numbers count the table's own rows from 1, as
             FTL-95 does; the header and comments do not count.
     """
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{file}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{file}: is a folder, not a path file") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{file}: not a text file in UTF-8") from None
+    text = read_text(file)
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if "\0" in text:
         raise InputError(f"{file}: not a text file")
@@ -108,8 +112,11 @@ def read_points(file: Path) -> Array:
         header, *rows = csv.reader(lines, strict=True)
     except csv.Error as error:
         raise InputError(f"{file}: not a CSV table ({error})") from None
-    scale = _length_unit(file, [column.strip() for column in header])
-    points = np.array([_read_row(file, number, row) for number, row in enumerate(rows, start=1)])
+    unit = _length_unit(file, [column.strip() for column in header])
+    scale = LENGTH_UNITS[unit]
+    points = np.array(
+        [_read_row(file, number, row, unit) for number, row in enumerate(rows, start=1)]
+    )
     if len(points) < 2:
         raise InputError(
             f"{file}: {len(points)} rows of points; must have two or more (base end, home tip)"
@@ -120,18 +127,18 @@ def read_points(file: Path) -> Array:
     return points * scale
 
 
-def _length_unit(file: Path, header: list[str]) -> float:
-    for unit, scale in LENGTH_UNITS.items():
+def _length_unit(file: Path, header: list[str]) -> str:
+    for unit in LENGTH_UNITS:
         if header == [f"{axis}_{unit}" for axis in "xyz"]:
-            return scale
+            return unit
     allowed = " or ".join(",".join(f"{axis}_{unit}" for axis in "xyz") for unit in LENGTH_UNITS)
     raise InputError(f"{file}: header '{','.join(header)}' names no unit; must be {allowed}")
 
 
-def _read_row(file: Path, number: int, row: list[str]) -> list[float]:
+def _read_row(file: Path, number: int, row: list[str], unit: str) -> list[float]:
     if len(row) != 3:
         raise InputError(f"{file}: row {number} has {len(row)} values; must be 3 (x, y, z)")
-    values = []
+    values, largest = [], LARGEST / LENGTH_UNITS[unit]
     for axis, word in zip("xyz", row, strict=True):
         try:
             value = float(word)
@@ -139,6 +146,11 @@ def _read_row(file: Path, number: int, row: list[str]) -> list[float]:
             raise InputError(f"{file}: row {number}, {axis} = '{word}'; must be a number") from None
         if not math.isfinite(value):
             raise InputError(f"{file}: row {number}, {axis} = {word.strip()}; must be finite")
+        if abs(value) > largest:
+            raise InputError(
+                f"{file}: row {number}, {axis} = {word.strip()}; must be within "
+                f"+-{largest:.6g} {unit}"
+            )
         values.append(value)
     return values
 

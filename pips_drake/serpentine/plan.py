@@ -31,6 +31,8 @@ BASE_LINE_TOLERANCE = 0.05 * INCH
 HOME_SLACK = 0.001 * INCH
 #: Joint values are computed to this, rad and m: a limit is not broken by less.
 LIMIT_TOLERANCE = 1e-9
+#: At most this many tip positions in a plan (127 m at `CHECK_STEP`): more would fill the memory.
+MOST_TIP_POSITIONS = 20_000
 #: Points a link at which the centre line is compared with the path, 8 mm apart on the longest. The
 #: farthest point between them was up to 0.35 mm farther on trajectory 4 (2.7 mm with 9 points).
 POINTS_PER_LINK = 65
@@ -95,13 +97,14 @@ def make_plan(
         InputError: the path does not begin on the arm's base line.
     """
     check_start(arm, path)
+    samples = tip_samples(path, CHECK_STEP)
     solver = solver or FollowTheLeader(arm)
-    wanted = path.samples(CHECK_STEP) if tip_arc_lengths is None else np.asarray(tip_arc_lengths)
+    wanted = samples if tip_arc_lengths is None else np.asarray(tip_arc_lengths)
     solution = solver.solve(path, wanted)
     failures = _solution_failures(path, solver, solution)
     # The fine sweep finds what hides between coarse points; it is always converged.
     fine_solver = FollowTheLeader(arm)
-    fine = fine_solver.solve(path, path.samples(CHECK_STEP))
+    fine = fine_solver.solve(path, samples)
     if not failures:
         failures = _solution_failures(path, fine_solver, fine)
     failures += limit_failures(arm, path, fine)
@@ -141,6 +144,20 @@ def check_start(arm: SerpentineArm, path: TipPath) -> None:
         raise InputError(
             f"path '{path.name}': ends at the home tip; must have a point beyond row 2"
         )
+
+
+def tip_samples(path: TipPath, step: float) -> Array:
+    """Arc lengths (N,) m from home to the end, `step` (m) apart, the end included.
+
+    Raises:
+        InputError: there would be too many of them.
+    """
+    if not path.travel / MOST_TIP_POSITIONS < step:
+        raise InputError(
+            f"path '{path.name}': {path.travel / INCH:.6g} in of tip travel in steps of "
+            f"{step / INCH:.3g} in; must be at most {MOST_TIP_POSITIONS} steps"
+        )
+    return path.samples(step)
 
 
 def joint_margins(arm: SerpentineArm, joints: ArrayLike) -> Array:

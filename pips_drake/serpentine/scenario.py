@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 from pips_drake.config import require
 from pips_drake.serpentine.mounting import mounting_rotation
 
+#: Slowest tip speed, mm/s, and longest time, s, that a scenario may ask for.
+SLOWEST, DAY = 0.1, 86400.0
+
 
 @dataclass
 class MotionConfig:
@@ -29,6 +32,12 @@ class MotionConfig:
         for name in ("dwell_s", "settle_s"):
             value = getattr(self, name)
             require(value >= 0.0, f"motion.{name}", value, ">= 0")
+        # Beyond these a run would not end in anybody's time.
+        speed = self.tip_speed_mm_per_s
+        require(SLOWEST <= speed <= 1e4, "motion.tip_speed_mm_per_s", speed, f"{SLOWEST:g} .. 1e4")
+        for name in ("ramp_s", "dwell_s", "settle_s"):
+            value = getattr(self, name)
+            require(value <= DAY, f"motion.{name}", value, f"<= {DAY:g}")
 
 
 @dataclass
@@ -40,8 +49,20 @@ class SolverConfig:
     max_iterations: int = 50
 
     def validate(self) -> None:
-        require(self.tolerance_in > 0.0, "solver.tolerance_in", self.tolerance_in, "> 0")
-        require(self.max_iterations >= 1, "solver.max_iterations", self.max_iterations, ">= 1")
+        check_solver(self.tolerance_in, self.max_iterations, prefix="solver.")
+
+
+def check_solver(tolerance_in: float, max_iterations: int, *, prefix: str = "") -> None:
+    """Refuses a tolerance or an iteration limit that means nothing.
+
+    Raises:
+        InputError: names the value and what is allowed.
+    """
+    # At home the first guess of the module lengths is 0.54 in off (FACTS).
+    good = 0.0 < tolerance_in <= 1.0
+    require(good, f"{prefix}tolerance_in", tolerance_in, "> 0 and <= 1")
+    good = 1 <= max_iterations <= 1000
+    require(good, f"{prefix}max_iterations", max_iterations, ">= 1 and <= 1000")
 
 
 @dataclass
@@ -74,6 +95,7 @@ class ClockConfig:
             power = value >= 1 and value & (value - 1) == 0
             require(power, f"clocks.{name}", value, "a power of two, 1 or more")
             require(value <= self.plant_hz, f"clocks.{name}", value, "<= plant_hz")
+        require(self.plant_hz <= 65536, "clocks.plant_hz", self.plant_hz, "<= 65536")
 
 
 @dataclass
@@ -150,7 +172,8 @@ class SerpentineScenario:
         require(self.path != "", "path", "''", "a shipped path or a file")
         mounting_rotation(self.mounting)
         position = self.mounting_position_m
-        require(len(position) == 3, "mounting_position_m", position, "3 numbers")
+        good = len(position) == 3 and max(map(abs, position)) <= 1000.0
+        require(good, "mounting_position_m", position, "3 numbers within +-1000")
         require(
             self.corner_deviation_in >= 0.0, "corner_deviation_in", self.corner_deviation_in, ">= 0"
         )
@@ -162,4 +185,8 @@ class SerpentineScenario:
             self.clearance_range_m,
             "> the clearances that checks ask for",
         )
-        require(self.duration_s >= 0.0, "duration_s", self.duration_s, ">= 0")
+        good = 0.0 <= self.duration_s <= DAY
+        require(good, "duration_s", self.duration_s, f">= 0 and <= {DAY:g}")
+        # What acted is known from the first recorded step on.
+        good = self.duration_s == 0.0 or self.duration_s * self.clocks.record_hz >= 1.0
+        require(good, "duration_s", self.duration_s, "0, or at least 1 / clocks.record_hz")

@@ -121,9 +121,15 @@ def test_an_unknown_kind_lists_the_known_ones() -> None:
         packages.list_names("zzz")
 
 
-@pytest.mark.parametrize("name", ["", ".", "/", "a\0b", "x" * 5000])
+@pytest.mark.parametrize("name", ["", "a\0b", "x" * 5000])
 def test_what_cannot_be_a_file_is_an_unknown_name(name: str) -> None:
     with pytest.raises(UnknownNameError):
+        packages.find_path_file(name)
+
+
+@pytest.mark.parametrize("name", [".", "/"])
+def test_a_folder_is_called_one(name: str) -> None:
+    with pytest.raises(InputError, match=f"path '{name}' is a folder; must be a shipped name or"):
         packages.find_path_file(name)
 
 
