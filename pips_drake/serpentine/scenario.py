@@ -136,6 +136,83 @@ class ViewConfig:
 
 
 @dataclass
+class CameraConfig:
+    """The camera at the arm's tip, its target, and what of the target's surface counts as seen."""
+
+    # Without a camera, the last joint stays at zero and nothing is filmed.
+    enabled: bool = False
+    # A body of the scene, such as payload::payload: its origin is the target, and which part of its
+    # surface has been seen is recorded. Empty for the point target_m.
+    target_body: str = ""
+    # In frame 0, m.
+    target_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    # Vertical, deg.
+    field_of_view_deg: float = 50.0
+    # Of the picture, pixels.
+    width: int = 640
+    height: int = 480
+    # How the camera is turned in its mount, deg. 45 stands upright at the end of trajectory
+    # 4: the segments stand turned by that about their axis (FTL-95 Table A.1, row 3).
+    roll_deg: float = 45.0
+    # Simulated time between two pictures, and pictures a second of the film: 6 times as fast.
+    picture_period_s: float = 0.5
+    fps: int = 12
+    # What counts as seen. All assumed: FTL-95 names no camera.
+    # Least and largest distance, m.
+    range_near_m: float = 0.1
+    range_far_m: float = 3.0
+    # Plane of sharpness, m; 0 focuses on the surface in the middle of each picture.
+    focus_distance_m: float = 0.0
+    # Diameter of the lens's opening, m; 0 is sharp everywhere.
+    aperture_m: float = 0.002
+    # Largest blur of a point, pixels.
+    blur_max_px: float = 2.0
+    # Largest angle between view and normal, deg.
+    incidence_max_deg: float = 75.0
+    # How far pan and tilt go, either way, and how fast, deg and deg/s. Assumed.
+    pan_limit_deg: float = 60.0
+    tilt_limit_deg: float = 80.0
+    pan_tilt_speed_deg_per_s: float = 30.0
+    # How far inside its limits the last joint stays, deg, and the share of its actuator's speed
+    # that it may use.
+    joint_margin_deg: float = 2.0
+    joint_speed_share: float = 0.5
+
+    def validate(self) -> None:
+        require(len(self.target_m) == 3, "camera.target_m", self.target_m, "3 numbers")
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            require(value > 0 and value % 2 == 0, f"camera.{name}", value, "even and > 0")
+        for name in (
+            "fps",
+            "picture_period_s",
+            "range_near_m",
+            "blur_max_px",
+            "pan_tilt_speed_deg_per_s",
+        ):
+            value = getattr(self, name)
+            require(value > 0, f"camera.{name}", value, "> 0")
+        require(
+            self.range_near_m < self.range_far_m,
+            "camera.range_far_m",
+            self.range_far_m,
+            "> range_near_m",
+        )
+        for name in ("focus_distance_m", "aperture_m", "joint_margin_deg"):
+            value = getattr(self, name)
+            require(value >= 0.0, f"camera.{name}", value, ">= 0")
+        for name, most in (
+            ("field_of_view_deg", 150.0),
+            ("incidence_max_deg", 89.0),
+            ("pan_limit_deg", 180.0),
+            ("tilt_limit_deg", 90.0),
+            ("joint_speed_share", 1.0),
+        ):
+            value = getattr(self, name)
+            require(0.0 < value <= most, f"camera.{name}", value, f"> 0 and <= {most:g}")
+
+
+@dataclass
 class SerpentineScenario:
     """A serpentine arm that follows a path in a scene. File: `scenarios/*.yaml`."""
 
@@ -160,6 +237,7 @@ class SerpentineScenario:
     clocks: ClockConfig = field(default_factory=ClockConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
+    camera: CameraConfig = field(default_factory=CameraConfig)
     # Distances beyond this are not looked at, m.
     clearance_range_m: float = 0.5
     # Shorten the run to this much simulated time, s; 0 for all of it.

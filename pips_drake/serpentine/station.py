@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,11 +16,11 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import AffineSystem, ZeroOrderHold
 
-from pips_drake.errors import InputError
+from pips_drake.errors import InputError, UnknownNameError
 from pips_drake.scene.loading import AddPlacedFrame, AddScene, check_anchored
 from pips_drake.scene.packages import find_arm_file, find_path_file, find_scene_file
 from pips_drake.serpentine.anchoring import anchor_path
@@ -29,7 +30,8 @@ from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.motion_profile import RestToRestProfile
 from pips_drake.serpentine.mounting import mounting_rotation
 from pips_drake.serpentine.path_file import load_path
-from pips_drake.serpentine.scenario import ActuationConfig, SerpentineScenario
+from pips_drake.serpentine.pointing import make_mount
+from pips_drake.serpentine.scenario import ActuationConfig, CameraConfig, SerpentineScenario
 from pips_drake.serpentine.sdf import make_sdf
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.systems.actuator_angle_map import ActuatorAngleMap
@@ -37,10 +39,14 @@ from pips_drake.serpentine.systems.actuator_force_map import ActuatorForceMap
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
 from pips_drake.serpentine.systems.actuator_servo import ActuatorServo
 from pips_drake.serpentine.systems.actuator_visualizer import AddActuatorVisualizer
+from pips_drake.serpentine.systems.camera_pointer import CameraPointer
 from pips_drake.serpentine.systems.deflection_compensator import DeflectionCompensator
 from pips_drake.serpentine.systems.follow_the_leader_controller import FollowTheLeaderController
 from pips_drake.serpentine.systems.tip_path_source import TipPathSource
 from pips_drake.serpentine.tip_path import TipPath
+from pips_drake.twin.camera import PinholeCamera
+from pips_drake.twin.rendering import add_renderer, render_available
+from pips_drake.twin.systems.camera_station import CameraStation
 from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 from pips_drake.units import INCH
 
@@ -50,6 +56,15 @@ Array = NDArray[np.float64]
 BASE_FRAME = "frame_0"
 #: How often a run's drawn actuators move, s.
 VISUAL_PERIOD = 1.0 / 32.0
+
+#: Output ports that a station has for its camera.
+CAMERA_PORTS = (
+    "camera_pointer.joint_state",
+    "camera_pointer.pan_tilt",
+    "camera_station.camera_pose",
+    "camera_station.color_image",
+    "camera_station.depth_image",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,8 +124,8 @@ def AddSerpentineArm(
 ) -> ModelInstanceIndex:
     """Adds the arm, generated from its data, with its rail welded to the world.
 
-    The plant gets the frame `frame_0` at `X_WF`, for scenes to be welded to; the arm's own frame {0}
-    stands `rail_shift` (m) from it along z.
+    The plant gets the frame `frame_0` at `X_WF`, for scenes to be welded to; the arm's own frame
+    {0} stands `rail_shift` (m) from it along z.
     """
     parser = Parser(plant)
     parser.SetStrictParsing()
@@ -263,6 +278,106 @@ def _make_interpolator(start: Array, time_step: float) -> AffineSystem:
     return interpolator
 
 
+def camera_target(
+    plant: MultibodyPlant, scenario: SerpentineScenario
+) -> tuple[RigidBody | None, Array]:
+    """The body that the camera looks at, if it is one, and the target in the world, (3,) m.
+
+    Raises:
+        UnknownNameError: no such body; lists those of the scene.
+    """
+    X_WF = plant.GetFrameByName(BASE_FRAME).GetFixedPoseInBodyFrame()
+    name, point = scenario.camera.target_body, X_WF @ np.array(scenario.camera.target_m)
+    if not name:
+        return None, point
+    bodies = [plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())]
+    fixed = {str(body.scoped_name()): body for body in bodies if plant.IsAnchored(body)}
+    if name not in fixed:
+        raise UnknownNameError("camera.target_body", name, sorted(fixed))
+    # Anchored: where it stands depends on no joint.
+    target = plant.CalcPointsPositions(
+        plant.CreateDefaultContext(), fixed[name].body_frame(), [0.0, 0.0, 0.0], plant.world_frame()
+    )
+    return fixed[name], target[:, 0]
+
+
+def make_camera(config: CameraConfig) -> PinholeCamera:
+    """The camera of a scenario, in SI units."""
+    return PinholeCamera(
+        width=config.width,
+        height=config.height,
+        field_of_view=math.radians(config.field_of_view_deg),
+        near=config.range_near_m,
+        far=config.range_far_m,
+        focus=config.focus_distance_m,
+        aperture=config.aperture_m,
+        blur=config.blur_max_px,
+        incidence=math.radians(config.incidence_max_deg),
+    )
+
+
+def AddCameraPointer(
+    builder: DiagramBuilder,
+    *,
+    plant: MultibodyPlant,
+    setup: SerpentineSetup,
+    scenario: SerpentineScenario,
+    joint_state: OutputPort,
+) -> CameraPointer:
+    """Adds `camera_pointer` behind follow-the-leader's joints."""
+    config = scenario.camera
+    mount = make_mount(
+        setup.arm,
+        pan_limit=math.radians(config.pan_limit_deg),
+        tilt_limit=math.radians(config.tilt_limit_deg),
+        pan_tilt_speed=math.radians(config.pan_tilt_speed_deg_per_s),
+        joint_margin=math.radians(config.joint_margin_deg),
+        speed_share=config.joint_speed_share,
+    )
+    _, target = camera_target(plant, scenario)
+    pointer = builder.AddNamedSystem(
+        "camera_pointer",
+        CameraPointer(
+            setup.arm,
+            mount=mount,
+            target=target,
+            X_W0=arm_pose(scenario, setup),
+            period=1.0 / scenario.clocks.control_hz,
+        ),
+    )
+    builder.Connect(joint_state, pointer.GetInputPort("joint_state"))
+    return pointer
+
+
+def AddCameraStation(
+    builder: DiagramBuilder,
+    *,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    arm: SerpentineArm,
+    config: CameraConfig,
+) -> CameraStation:
+    """Adds `camera_station` on the arm's last body, and a renderer where there can be one.
+
+    Its input `pan_tilt` is left to the caller.
+    """
+    if render_available() is None:
+        add_renderer(scene_graph)
+    station = builder.AddNamedSystem(
+        "camera_station",
+        CameraStation(
+            int(plant.GetBodyByName(arm.bodies[-1].name, model).index()),
+            X_BM=RigidTransform([make_mount(arm, joint_margin=0.0).reach, 0.0, 0.0]),
+            roll=math.radians(config.roll_deg),
+            camera=make_camera(config),
+        ),
+    )
+    builder.Connect(scene_graph.get_query_output_port(), station.GetInputPort("query_object"))
+    builder.Connect(plant.get_body_poses_output_port(), station.GetInputPort("body_poses"))
+    return station
+
+
 def MakeSerpentineStation(
     scenario: SerpentineScenario, *, setup: SerpentineSetup | None = None
 ) -> Diagram:
@@ -271,7 +386,8 @@ def MakeSerpentineStation(
     Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
     `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated),
-    `clearance_monitor`, `actuator_visualizer`.
+    `clearance_monitor`, `actuator_visualizer`; with a camera (`camera.enabled`) `camera_pointer`
+    and `camera_station`, and a renderer where pictures can be rendered.
 
     Input port: `tip_path_source.command` (1,), optional.
 
@@ -280,7 +396,7 @@ def MakeSerpentineStation(
     `actuator_length_map.drive_state`, `actuator_servo.setpoint`, `actuator_servo.saturation`,
     `actuator_force_map.drive_effort`, `clearance_monitor.clearance`, `clearance_monitor.witness`;
     and of the plant and scene graph `plant.state` (2 J,) of the arm, `plant.net_actuation` (J,),
-    `scene_graph.query`.
+    `scene_graph.query`. With a camera, `CAMERA_PORTS` too.
 
     Latencies: a source's update is seen by the controller at once, by the servo at its next update
     (one control period, 1/64 s by default), and reached one period after that, plus two plant
@@ -317,14 +433,29 @@ def MakeSerpentineStation(
     length_map = builder.AddNamedSystem("actuator_length_map", ActuatorLengthMap(arm))
     builder.Connect(source.GetOutputPort("tip"), leader.GetInputPort("tip"))
     builder.Connect(source.GetOutputPort("path"), leader.GetInputPort("path"))
-    builder.Connect(leader.GetOutputPort("joint_state"), length_map.GetInputPort("joint_state"))
+    joint_state = leader.GetOutputPort("joint_state")
+    if scenario.camera.enabled:
+        pointer = AddCameraPointer(
+            builder, plant=plant, setup=setup, scenario=scenario, joint_state=joint_state
+        )
+        joint_state = pointer.GetOutputPort("joint_state")
+        camera = AddCameraStation(
+            builder,
+            plant=plant,
+            scene_graph=scene_graph,
+            model=model,
+            arm=arm,
+            config=scenario.camera,
+        )
+        builder.Connect(pointer.GetOutputPort("pan_tilt"), camera.GetInputPort("pan_tilt"))
+    builder.Connect(joint_state, length_map.GetInputPort("joint_state"))
     AddActuation(
         builder,
         plant=plant,
         model=model,
         setup=setup,
         drive_state=length_map.GetOutputPort("drive_state"),
-        joint_state=leader.GetOutputPort("joint_state"),
+        joint_state=joint_state,
         config=scenario.actuation,
         period=period,
     )
@@ -345,6 +476,7 @@ def MakeSerpentineStation(
     )
     builder.ExportInput(source.GetInputPort("command"), "tip_path_source.command")
     for name in (
+        *(CAMERA_PORTS if scenario.camera.enabled else ()),
         "tip_path_source.tip",
         "tip_path_source.phase",
         "follow_the_leader.joint_state",

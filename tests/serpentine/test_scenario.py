@@ -54,6 +54,27 @@ checks:
   rail_overrun_max_mm: 0.5
 view:
   direction: [1.0, 0.0, 0.5]
+camera:
+  enabled: true
+  target_body: payload::payload
+  target_m: [1.0, 2.0, 3.0]
+  field_of_view_deg: 40.0
+  width: 320
+  height: 240
+  roll_deg: 0.0
+  picture_period_s: 0.25
+  fps: 24
+  range_near_m: 0.2
+  range_far_m: 2.0
+  focus_distance_m: 0.5
+  aperture_m: 0.001
+  blur_max_px: 1.0
+  incidence_max_deg: 60.0
+  pan_limit_deg: 45.0
+  tilt_limit_deg: 50.0
+  pan_tilt_speed_deg_per_s: 20.0
+  joint_margin_deg: 1.0
+  joint_speed_share: 0.25
 clearance_range_m: 0.4
 duration_s: 0.0625
 seed: 7
@@ -159,6 +180,11 @@ BAD = {
     MINIMAL + "clocks: {plant_hz: 0}": "clocks.plant_hz = 0; must be a power of two, 1 or more",
     MINIMAL + "checks: {force_fraction_max: 0}": "checks.force_fraction_max = 0.0; must be > 0",
     MINIMAL + "view: {direction: [0, 0, 0]}": "direction = [0.0, 0.0, 0.0]; must be three numbers",
+    MINIMAL + "camera: {width: 321}": "camera.width = 321; must be even and > 0",
+    MINIMAL + "camera: {fps: 0}": "camera.fps = 0; must be > 0",
+    MINIMAL + "camera: {range_far_m: 0.05}": "camera.range_far_m = 0.05; must be > range_near_m",
+    MINIMAL + "camera: {target_m: [0, 1]}": "camera.target_m = [0.0, 1.0]; must be 3 numbers",
+    MINIMAL + "camera: {tilt_limit_deg: 91}": "camera.tilt_limit_deg = 91.0; must be > 0 and <= 90",
     MINIMAL + "clearance_range_m: 0": "clearance_range_m = 0.0; must be > 0",
     MINIMAL + "clearance_range_m: 0.02": "must be > the clearances that checks ask for",
     MINIMAL + "duration_s: -1": "duration_s = -1.0; must be >= 0",
