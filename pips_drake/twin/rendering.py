@@ -20,7 +20,7 @@ from pips_drake.scene.rendering import can_render
 from pips_drake.twin.output_folder import write_whole
 
 if TYPE_CHECKING:
-    from pydrake.geometry import QueryObject, SceneGraph
+    from pydrake.geometry import QueryObject, RenderCameraCore, SceneGraph
     from pydrake.math import RigidTransform
     from pydrake.systems.framework import Context
 
@@ -107,17 +107,47 @@ def render_view(
         field_of_view: vertical, rad.
         clipping: least and largest depth that is drawn, m.
     """
-    from pydrake.geometry import ClippingRange, ColorRenderCamera, RenderCameraCore
+    from pydrake.geometry import ColorRenderCamera
+
+    world = query_object.inspector().world_frame_id()
+    camera = ColorRenderCamera(_camera_core(size, field_of_view, clipping), False)
+    image = query_object.RenderColorImage(camera, world, X_WC)
+    pixels: Picture = np.array(image.data, dtype=np.uint8)  # a copy: the image dies here
+    return pixels[:, :, :3]
+
+
+def render_depth(
+    query_object: QueryObject,
+    X_WC: RigidTransform,
+    *,
+    size: tuple[int, int] = SIZE,
+    field_of_view: float = FIELD_OF_VIEW,
+    clipping: tuple[float, float] = (0.05, 200.0),
+) -> Array:
+    """Depth along the camera's z of what each pixel sees, (height, width) m; inf where nothing is.
+
+    Arguments as of `render_view`.
+    """
+    from pydrake.geometry import DepthRange, DepthRenderCamera
+
+    world = query_object.inspector().world_frame_id()
+    core = _camera_core(size, field_of_view, clipping)
+    image = query_object.RenderDepthImage(
+        DepthRenderCamera(core, DepthRange(*clipping)), world, X_WC
+    )
+    depth: Array = np.array(image.data, dtype=np.float64)[:, :, 0]
+    return depth
+
+
+def _camera_core(
+    size: tuple[int, int], field_of_view: float, clipping: tuple[float, float]
+) -> RenderCameraCore:
+    from pydrake.geometry import ClippingRange, RenderCameraCore
     from pydrake.math import RigidTransform
     from pydrake.systems.sensors import CameraInfo
 
-    core = RenderCameraCore(
-        RENDERER, CameraInfo(*size, field_of_view), ClippingRange(*clipping), RigidTransform()
-    )
-    world = query_object.inspector().world_frame_id()
-    image = query_object.RenderColorImage(ColorRenderCamera(core, False), world, X_WC)
-    pixels: Picture = np.array(image.data, dtype=np.uint8)  # a copy: the image dies here
-    return pixels[:, :, :3]
+    info = CameraInfo(*size, field_of_view)
+    return RenderCameraCore(RENDERER, info, ClippingRange(*clipping), RigidTransform())
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> RigidTransform:

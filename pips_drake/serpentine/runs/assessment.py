@@ -37,6 +37,8 @@ class RunData:
         self_clearance: arm to arm and rail, (N,) m.
         pairs: the nearest bodies, N of them; None where nothing was in range.
         solution: spine error (m) and iterations of the controller, (N, 2).
+        witness: nearest points on arm and scene, (N, 2, 3) m in the world; NaN where nothing was in
+            range. None if not recorded.
     """
 
     time: Array
@@ -49,6 +51,7 @@ class RunData:
     self_clearance: Array
     pairs: tuple[Pair | None, ...]
     solution: Array
+    witness: Array | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,9 +147,14 @@ class Assessment:
         if least < checks.clearance_min_mm * 1e-3:
             robot, other = data.pairs[self.nearest] or ("the arm", "the scene")
             word = "penetrates" if least < 0.0 else "comes too near to"
+            # The least distance can be long after the first fault: an arm that is held by what it
+            # ran into presses hardest somewhere in between.
+            first = data.time[int(np.argmax(data.clearance < checks.clearance_min_mm * 1e-3))]
+            touching = data.time[int(np.argmax(data.clearance < 0.0))]
+            contact = f" (contact at {touching:.2f} s)" if least < 0.0 else ""
             found.append(
                 f"{robot} {word} {other}: {least * 1e3:.1f} mm at {data.time[self.nearest]:.2f} s; "
-                f"must be >= {checks.clearance_min_mm:g} mm"
+                f"must be >= {checks.clearance_min_mm:g} mm, first broken at {first:.2f} s{contact}"
             )
         i = int(np.argmin(data.self_clearance))
         if data.self_clearance[i] < checks.self_clearance_min_mm * 1e-3:

@@ -29,7 +29,8 @@ from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
-from pips_drake.serpentine.runs.pictures import render_postures, write_run_replay
+from pips_drake.serpentine.runs.pictures import write_run_pictures, write_run_replay
+from pips_drake.serpentine.runs.sheet import write_run_sheet
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
 from pips_drake.twin.output_folder import output_folder, write_whole
@@ -104,6 +105,7 @@ def simulate(
         }
         write_whole(partial / "scenario.yaml", dump_yaml(scenario))
         write_summary(partial / "summary.json", summary)
+        write_run_sheet(partial, summary, failures, scenario.checks)
     return Verdict(failures=tuple(failures), summary=summary, folder=out)
 
 
@@ -163,6 +165,7 @@ def run_station(
         joint_efforts=efforts,
         clearance=rows["clearance_monitor.clearance"][:, 0],
         self_clearance=rows["clearance_monitor.clearance"][:, 2],
+        witness=rows["clearance_monitor.witness"][:, 1:].reshape(-1, 2, 3),
         pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
         solution=rows["follow_the_leader.solution"],
     )
@@ -192,15 +195,7 @@ def _simulate_into(
         sagging = _uncompensated(scenario, setup)
     _write_series(folder, assessment)
     _write_run_figures(folder, assessment, sagging)
-    no_pictures = render_postures(
-        folder / "figures",
-        scenario,
-        setup,
-        {
-            "least_clearance": run.data.joints[assessment.nearest],
-            "end": run.data.joints[int(np.argmax(run.data.tip_arc_lengths))],
-        },
-    )
+    no_pictures = write_run_pictures(folder / "figures", scenario, setup, assessment)
     write_run_replay(
         folder / "replay.html",
         scenario,
@@ -210,15 +205,19 @@ def _simulate_into(
         joints=run.data.joints,
     )
     _write_diagram(folder, run.diagram)
-    summary = assessment.summary() | {
-        "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
-        "simulated_s": run.run_time.simulated_s,
-        "wall_s": run.run_time.wall_s,
-        "real_time_rate": run.run_time.real_time_rate,
-        "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
-        "cycle_completed": scenario.duration_s <= 0.0
-        or run.run_time.simulated_s < scenario.duration_s,
-    }
+    summary = (
+        plan_numbers(plan)
+        | assessment.summary()
+        | {
+            "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
+            "simulated_s": run.run_time.simulated_s,
+            "wall_s": run.run_time.wall_s,
+            "real_time_rate": run.run_time.real_time_rate,
+            "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
+            "cycle_completed": scenario.duration_s <= 0.0
+            or run.run_time.simulated_s < scenario.duration_s,
+        }
+    )
     if no_pictures is not None:
         summary["renderings_missing"] = no_pictures
     if sagging is not None:
