@@ -60,7 +60,10 @@ def follow(
     solver = FollowTheLeader(the_arm, tolerance=tolerance_in * INCH, max_iterations=max_iterations)
     tips = the_path.marks if step_in is None else tip_samples(the_path, step_in * INCH)
     plan = make_plan(the_arm, the_path, tip_arc_lengths=tips, solver=solver)
-    summary = {"verdict": "fail" if plan.failures else "pass", "failures": plan.failures}
+    summary: dict[str, Any] = {
+        "verdict": "fail" if plan.failures else "pass",
+        "failures": plan.failures,
+    }
     summary |= {"versions": versions(), "rail_shift_m": rail_shift} | plan_numbers(plan)
     with output_folder(out, force=force) as folder:
         _write_tables(folder, plan)

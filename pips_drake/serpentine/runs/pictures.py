@@ -180,7 +180,7 @@ def moment_figure(
         axes.plot(*ends.T, "-o", color="#E6007E", markersize=5.0, linewidth=2.0)
         gap = float(np.linalg.norm(witness[0] - witness[1]))
         axes.annotate(
-            f"{gap * 1e3:.0f} mm", ends.mean(axis=0), xytext=(28, -28), textcoords="offset points",
+            f"{gap * 1e3:.0f} mm", tuple(ends.mean(axis=0)), xytext=(28, -28), textcoords="offset points",
             fontsize=12, weight="bold", color="#E6007E",
             bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 2.0},
             arrowprops={"arrowstyle": "-", "color": "#E6007E"},
