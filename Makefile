@@ -17,7 +17,7 @@ help: ## list the targets
 demo: $(VENV)/.installed-video ## simulate trajectory 4: out, dwell, back
 	@sh tools/system_libraries.sh "$(VENV)/bin/python"
 	"$(VENV)/bin/pips" simulate trajectory_4 --out out/trajectory_4 --force
-	@echo "Look at out/trajectory_4: replay.html in a browser, figures/, summary.json for the verdict."
+	@echo "Look at out/trajectory_4: summary.html and replay.html in a browser, summary.json, figures/."
 
 test: $(VENV)/.installed-dev ## run the fast tests
 	@sh tools/system_libraries.sh "$(VENV)/bin/python"

@@ -15,7 +15,7 @@ from pips_drake.errors import InputError
 from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.dh_chain import joint_frames_many
-from pips_drake.serpentine.motion_base import RAIL_CRANE, gimbal_roots, rail_crane_roots
+from pips_drake.serpentine.motion_base import base_roots_many
 
 Array = NDArray[np.float64]
 
@@ -103,8 +103,7 @@ def motion_base_roots(arm: SerpentineArm, points: ArrayLike) -> Array:
         (N, 2, base joints) m and rad (FTL-95 Eqs 3.11 to 3.15); NaN where there is none.
     """
     targets = np.atleast_2d(np.asarray(points, dtype=np.float64)) * arm.mirror
-    roots = rail_crane_roots if arm.base.kind == RAIL_CRANE else gimbal_roots
-    return np.stack([roots(arm.base.parameters, *map(float, target))[0] for target in targets])
+    return base_roots_many(arm.base.kind, arm.base.parameters, targets)
 
 
 def spine_inverse(arm: SerpentineArm, spine: ArrayLike) -> Array:
@@ -118,17 +117,11 @@ def spine_inverse(arm: SerpentineArm, spine: ArrayLike) -> Array:
         angles are exact only for spine points at distances that agree with Eq 3.4.
     """
     points = np.asarray(spine, dtype=np.float64).reshape(-1, arm.modules + 1, 3) * arm.mirror
-    q = np.zeros((points.shape[0], arm.joints))
-    for row, posture in zip(points, q, strict=True):
-        error, _ = solver.spine_inverse(
-            np.ascontiguousarray(row),
-            arm.chain,
-            arm.base.kind,
-            arm.base.parameters,
-            arm.dh_table[: len(arm.base.joint_names)],
-            arm.joint_home[1],
-            posture,
-        )
-        if not np.isfinite(error):
-            posture[:] = np.nan
-    return q
+    return solver.spine_inverse_many(
+        points,
+        arm.chain,
+        arm.base.kind,
+        arm.base.parameters,
+        arm.dh_table[: len(arm.base.joint_names)],
+        arm.joint_home[1],
+    )

@@ -193,6 +193,19 @@ def gimbal_roots(parameters, x, y, z):
 
 
 @numba.njit(cache=True)
+def base_roots_many(kind, parameters, targets):
+    """Both inverse solutions for first spine points (N, 3) m: (N, 2, joints), NaN out of reach."""
+    result = np.empty((targets.shape[0], 2, 3))
+    for i in range(targets.shape[0]):
+        x, y, z = targets[i, 0], targets[i, 1], targets[i, 2]
+        if kind == RAIL_CRANE:
+            result[i] = rail_crane_roots(parameters, x, y, z)[0]
+        else:
+            result[i] = gimbal_roots(parameters, x, y, z)[0]
+    return result
+
+
+@numba.njit(cache=True)
 def base_inverse(kind, parameters, target, nominal):
     """The base's joints (3,) that put the first spine point on `target` (3,) m.
 

@@ -137,6 +137,19 @@ def spine_inverse(spine, chain, base_kind, base_parameters, base_dh, nominal, q)
 
 
 @numba.njit(cache=True)
+def spine_inverse_many(spines, chain, base_kind, base_parameters, base_dh, nominal):
+    """`spine_inverse` of spines (N, M + 1, 3) m: joints (N, B + 2 M + 1), NaN out of reach."""
+    q = np.zeros((spines.shape[0], base_dh.shape[0] + 2 * chain.shape[0] + 1))
+    for i in range(spines.shape[0]):
+        error, _ = spine_inverse(
+            spines[i], chain, base_kind, base_parameters, base_dh, nominal, q[i]
+        )
+        if math.isinf(error):
+            q[i] = np.nan
+    return q
+
+
+@numba.njit(cache=True)
 def solve_point(
     table,
     s_tip,
