@@ -31,6 +31,7 @@ from pips_drake.twin.rendering import (
     fit_view,
     look_at,
     render_available,
+    render_depth,
     render_view,
     save_png,
 )
@@ -150,6 +151,22 @@ def test_the_picture_shows_the_scene(in_context: bool) -> None:
     rows = np.flatnonzero((picture[:, 32].astype(int) - corner)[:, 0] != 0)
     share = 1.0 / (2.0 * 5.5 * math.tan(math.radians(10.0)))
     assert abs(np.ptp(rows) + 1 - 48 * share) <= 2.0
+
+
+@pytest.mark.render
+def test_depth_is_the_distance_along_the_view() -> None:
+    scene_graph = make_scene()
+    add_renderer(scene_graph)
+    depth = render_depth(
+        query(scene_graph),
+        look_at([2.0, -6.0, 0.0], [2.0, 0.0, 0.0]),
+        size=(64, 48),
+        field_of_view=math.radians(20.0),
+    )
+    assert depth.shape == (48, 64)
+    # The cube's near face is 5.5 m away, square to the view; VTK's depth buffer has 24 bits.
+    assert abs(depth[24, 32] - 5.5) < 1e-3
+    assert np.isinf(depth[1, 1])
 
 
 @pytest.mark.render
