@@ -33,6 +33,8 @@ HOME_SLACK = 0.001 * INCH
 LIMIT_TOLERANCE = 1e-9
 #: At most this many tip positions in a plan (127 m at `CHECK_STEP`): more would fill the memory.
 MOST_TIP_POSITIONS = 20_000
+#: A spine point that goes back by less (m) from one posture to the next stands still.
+GOING_BACK = 1e-6
 #: Points a link at which the centre line is compared with the path, 8 mm apart on the longest. The
 #: farthest point between them was up to 0.35 mm farther on trajectory 4 (2.7 mm with 9 points).
 POINTS_PER_LINK = 65
@@ -107,7 +109,7 @@ def make_plan(
     fine = fine_solver.solve(path, samples)
     if not failures:
         failures = _solution_failures(path, fine_solver, fine)
-    failures += limit_failures(arm, path, fine)
+    failures += fold_failures(arm, path, fine) + limit_failures(arm, path, fine)
     return Plan(arm=arm, path=path, solver=solver, solution=solution, failures=tuple(failures))
 
 
@@ -186,6 +188,28 @@ def limit_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> lis
             f"{-margins[worst, j] / unit:.3f} {word} too far"
         )
     return sentences
+
+
+def fold_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> list[str]:
+    """A sentence if a spine point goes back on the path while the tip goes on.
+
+    It does so when the path turns back inside a module's sphere: the module would span the fold
+    instead of following it. Where chord and path are less than a right angle apart, every spine
+    point goes on with the tip.
+    """
+    steps = np.diff(solution.spine_arc_lengths, axis=0)
+    steps[~(solution.solved[1:] & solution.solved[:-1])] = 0.0
+    back = np.argwhere(steps < -GOING_BACK)
+    if back.size == 0:
+        return []
+    row = back[0, 0]
+    module = back[back[:, 0] == row, 1].max()  # where it begins: the others only follow
+    s = float(solution.tip_arc_lengths[row])
+    return [
+        f"the path folds inside the reach of module {module + 1}: spine point "
+        f"{arm.spine_indices[module]} would go back on it with the tip at {s:.4f} m of path "
+        f"'{path.name}' {in_inches(path.point(s))}"
+    ]
 
 
 def centre_line_deviation(arm: SerpentineArm, path: TipPath, solution: Solution) -> Array:

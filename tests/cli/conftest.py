@@ -1,0 +1,83 @@
+"""Running the command as users do, and in this process where many cases are tried."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import pips_drake
+from pips_drake import cli
+
+ROOT = Path(pips_drake.__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left on its outputs."""
+
+    code: int
+    out: str
+    err: str
+
+
+def environment() -> dict[str, str]:
+    """This process's, with the package found from any folder, installed or not."""
+    paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
+
+
+def command(*words: str) -> list[str]:
+    return [sys.executable, "-m", "pips_drake", *words]
+
+
+@pytest.fixture(scope="session")
+def pips() -> Callable[..., Outcome]:
+    """Runs `pips` in a process of its own: pips(*words, cwd=folder)."""
+
+    def run(*words: str, cwd: Path) -> Outcome:
+        done = subprocess.run(
+            command(*words), cwd=cwd, env=environment(), capture_output=True, text=True, timeout=110
+        )
+        return Outcome(done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def start_pips() -> Callable[..., subprocess.Popen[str]]:
+    """Starts `pips` and returns its process: start_pips(*words, cwd=folder)."""
+
+    def start(*words: str, cwd: Path) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            command(*words),
+            cwd=cwd,
+            env=environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    return start
+
+
+@pytest.fixture
+def pips_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Outcome]:
+    """Runs `pips` in this process, in `tmp_path`: much quicker, and warnings are errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> Outcome:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            cli.main(list(words))
+        said = capsys.readouterr()
+        return Outcome(int(caught.value.code or 0), said.out, said.err)
+
+    return run
