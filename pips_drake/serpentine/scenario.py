@@ -151,9 +151,9 @@ class CameraConfig:
     # Of the picture, pixels.
     width: int = 640
     height: int = 480
-    # How the camera is turned in its mount, deg. 45 stands upright at the end of trajectory
+    # How the camera is turned in its mount, deg. -45 stands upright at the end of trajectory
     # 4: the segments stand turned by that about their axis (FTL-95 Table A.1, row 3).
-    roll_deg: float = 45.0
+    roll_deg: float = -45.0
     # Simulated time between two pictures, and pictures a second of the film: 6 times as fast.
     picture_period_s: float = 0.5
     fps: int = 12

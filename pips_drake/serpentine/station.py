@@ -45,7 +45,6 @@ from pips_drake.serpentine.systems.follow_the_leader_controller import FollowThe
 from pips_drake.serpentine.systems.tip_path_source import TipPathSource
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.twin.camera import PinholeCamera
-from pips_drake.twin.rendering import add_renderer, render_available
 from pips_drake.twin.systems.camera_station import CameraStation
 from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 from pips_drake.units import INCH
@@ -358,12 +357,12 @@ def AddCameraStation(
     arm: SerpentineArm,
     config: CameraConfig,
 ) -> CameraStation:
-    """Adds `camera_station` on the arm's last body, and a renderer where there can be one.
+    """Adds `camera_station` on the arm's last body; its input `pan_tilt` is left to the caller.
 
-    Its input `pan_tilt` is left to the caller.
+    The scene graph gets no renderer: it would be told of every shape's pose at each step of the
+    plant, which makes a run five times as slow (measured). For pictures, pose a plant that is not
+    simulated, or call `rendering.add_renderer` with the scene graph's context.
     """
-    if render_available() is None:
-        add_renderer(scene_graph)
     station = builder.AddNamedSystem(
         "camera_station",
         CameraStation(
@@ -387,7 +386,7 @@ def MakeSerpentineStation(
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
     `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated),
     `clearance_monitor`, `actuator_visualizer`; with a camera (`camera.enabled`) `camera_pointer`
-    and `camera_station`, and a renderer where pictures can be rendered.
+    and `camera_station` (`AddCameraStation` says how it gets a renderer).
 
     Input port: `tip_path_source.command` (1,), optional.
 

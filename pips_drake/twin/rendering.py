@@ -59,12 +59,14 @@ def add_renderer(
     *,
     context: Context | None = None,
     background: tuple[float, float, float] = _BACKGROUND,
+    headlight: float = 0.0,
 ) -> None:
     """Adds our renderer to a scene graph, or to its context alone; once is enough.
 
     Args:
         context: the scene graph's own context; then the model stays as it is.
         background: red, green, blue, 0 to 1.
+        headlight: intensity of a lamp on the camera, on top of the scene's light.
 
     Raises:
         InputError: pictures cannot be rendered here.
@@ -82,6 +84,15 @@ def add_renderer(
         )
         for direction, intensity in _LIGHTS
     ]
+    if headlight > 0.0:
+        lights.append(
+            LightParameter(
+                type="directional",
+                frame="camera",
+                direction=[0.0, 0.0, 1.0],
+                intensity=headlight,
+            )
+        )
     parameters = RenderEngineVtkParams(default_clear_color=list(background), lights=lights)
     engine = MakeRenderEngineVtk(parameters)
     if context is None:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError
 from pips_drake.twin.output_folder import write_whole
 from pips_drake.twin.rendering import FIELD_OF_VIEW
+from pips_drake.twin.seen_figure import ColoredPatches
 
 if TYPE_CHECKING:
     from pydrake.geometry import FrameId, Meshcat, MeshcatAnimation, QueryObject
@@ -45,6 +46,7 @@ _GREY = (0.6, 0.6, 0.6, 1.0)
 _OVERLAY = """
   <div id="replay-label">
     <b>{title}</b><br>
+    {note}
     <span id="replay-time">&nbsp;</span>
   </div>
   <style>
@@ -146,6 +148,22 @@ class Replay:
         vertices = np.asarray(line.points, dtype=np.float64).reshape(-1, 3).T
         self._meshcat.SetLine(f"{_ROOT}/{line.name}", vertices, line.width, Rgba(*line.color, 1.0))
 
+    def add_patches(self, patches: ColoredPatches, *, name: str) -> None:
+        """Draws coloured triangles that stay; `name` is their path in the page's tree."""
+        from pydrake.geometry import Meshcat
+
+        if len(patches.corners) == 0:
+            return
+        vertices = patches.corners.reshape(-1, 3).T
+        faces = np.arange(vertices.shape[1], dtype=np.int32).reshape(-1, 3).T
+        self._meshcat.SetTriangleColorMesh(
+            f"{_ROOT}/{name}",
+            np.asfortranarray(vertices),
+            np.asfortranarray(faces),
+            np.asfortranarray(np.repeat(patches.colors, 3, axis=0).T),
+            side=Meshcat.SideOfFaceToRender.kFrontSide,
+        )
+
     def add_sample(self, query_object: QueryObject) -> None:
         """Adds poses, one `1 / sample_rate` s after the last."""
         for frame, track in self._tracks.items():
@@ -158,13 +176,21 @@ class Replay:
         self.samples += 1
 
     def write(
-        self, file: Path, *, eye: ArrayLike, target: ArrayLike, title: str, speed: float = SPEED
+        self,
+        file: Path,
+        *,
+        eye: ArrayLike,
+        target: ArrayLike,
+        title: str,
+        note: str = "",
+        speed: float = SPEED,
     ) -> None:
         """Writes the page.
 
         Args:
             eye, target: where the camera stands and looks at first, (3,) m.
             title: of the page and its label.
+            note: below the title.
             speed: simulated seconds a second of watching.
         """
         from pydrake.geometry import Meshcat
@@ -175,7 +201,10 @@ class Replay:
         self._meshcat.SetCameraPose(np.asarray(eye, float), np.asarray(target, float))
         duration = max(0, self.samples - 1) / self.sample_rate
         overlay = _OVERLAY.format(
-            title=html.escape(title), speed=f"{speed:g}", duration=f"{duration:.1f}"
+            title=html.escape(title),
+            note=f"{html.escape(note)}<br>" if note else "",
+            speed=f"{speed:g}",
+            duration=f"{duration:.1f}",
         )
         page = self._meshcat.StaticHtml()
         page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>")
@@ -266,7 +295,9 @@ def write_replay(
     eye: ArrayLike,
     target: ArrayLike,
     title: str,
+    note: str = "",
     lines: Sequence[LineInSpace] = (),
+    seen: ColoredPatches | None = None,
     sample_rate: float = SAMPLE_RATE,
     speed: float = SPEED,
 ) -> None:
@@ -279,7 +310,9 @@ def write_replay(
         positions: (N, model's positions) m and rad.
         eye, target: where the camera stands and looks at first, (3,) m.
         title: of the page.
+        note: below the title.
         lines: drawn in the world, such as the path.
+        seen: coloured patches of what a camera has seen.
         sample_rate: samples a simulated second; the nearest recorded positions are taken.
         speed: simulated seconds a second of watching.
     """
@@ -296,9 +329,11 @@ def write_replay(
     replay = Replay(query_port.Eval(plant_context), sample_rate=sample_rate)
     for line in lines:
         replay.add_line(line)
+    if seen is not None:
+        replay.add_patches(seen, name="seen surface")
     count = 1 + int(np.ceil((recorded[-1] - recorded[0]) * sample_rate - 1e-9))
     for wanted in recorded[0] + np.arange(count) / sample_rate:
         nearest = int(np.argmin(np.abs(recorded - wanted)))
         plant.SetPositions(plant_context, model, q[nearest])
         replay.add_sample(query_port.Eval(plant_context))
-    replay.write(file, eye=eye, target=target, title=title, speed=speed)
+    replay.write(file, eye=eye, target=target, title=title, note=note, speed=speed)

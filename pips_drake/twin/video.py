@@ -11,10 +11,12 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.config import require
 from pips_drake.errors import InputError
+
+Picture = NDArray[np.uint8]
 
 #: Quality of the compression: 18 looks like the original, 28 is coarse.
 _RATE_FACTOR = 22
@@ -90,3 +92,28 @@ class VideoFile:
             self._partial.replace(self._file)
         else:
             self._partial.unlink(missing_ok=True)
+
+
+def caption(picture: ArrayLike, text: str, *, size: int = 15) -> Picture:
+    """The picture (height, width, 3) with white text on a dark strip in its lower left corner.
+
+    Args:
+        size: of the letters, about their height in pixels.
+    """
+    from matplotlib import font_manager
+    from matplotlib.ft2font import FT2Font
+
+    font = FT2Font(font_manager.findfont("DejaVu Sans"))
+    font.set_size(size, 72.0)
+    font.set_text(text)
+    font.draw_glyphs_to_bitmap()
+    letters = np.asarray(font.get_image(), dtype=np.float64)[:, :, None] / 255.0
+    result = np.array(picture, dtype=np.uint8)
+    edge = size // 3
+    height, width = letters.shape[0] + 2 * edge, letters.shape[1] + 2 * edge
+    cover = np.zeros((height, width, 1))
+    cover[edge:-edge, edge:-edge] = letters
+    rows, columns = min(height, result.shape[0]), min(width, result.shape[1])
+    strip, cover = result[-rows:, :columns], cover[-rows:, :columns]
+    result[-rows:, :columns] = np.rint(0.35 * strip * (1.0 - cover) + 255.0 * cover)
+    return result

@@ -30,6 +30,7 @@ from pips_drake.twin.rendering import (
     save_png,
 )
 from pips_drake.twin.replay import LineInSpace, write_replay
+from pips_drake.twin.seen_figure import ColoredPatches
 
 Array = NDArray[np.float64]
 
@@ -219,8 +220,15 @@ def write_run_replay(
     title: str,
     time: ArrayLike,
     joints: ArrayLike,
+    note: str = "",
+    seen: ColoredPatches | None = None,
 ) -> None:
-    """Writes recorded joints (N, joints) m and rad at times (N,) s as a 3-D page with the path."""
+    """Writes recorded joints (N, joints) m and rad at times (N,) s as a 3-D page with the path.
+
+    Args:
+        note: below the title.
+        seen: coloured patches of what the camera has seen.
+    """
     diagram, plant, scene_graph, model = _make_posed(scenario, setup, rendered=False)
     context = diagram.CreateDefaultContext()
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
@@ -241,6 +249,8 @@ def write_run_replay(
         eye=eye,
         target=target,
         title=title,
+        note=note,
+        seen=seen,
         lines=[LineInSpace(name="tip path", points=(X_W0 @ path.T).T)],
     )
 

@@ -28,6 +28,7 @@ from pips_drake.serpentine.drives import drive_columns, effort_columns
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
+from pips_drake.serpentine.runs.film import film_run
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
 from pips_drake.serpentine.runs.pictures import write_run_pictures, write_run_replay
 from pips_drake.serpentine.runs.sheet import write_run_sheet
@@ -55,12 +56,17 @@ _LOGGED = (
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """A finished run: the station, what it recorded, and how long it took."""
+    """A finished run: the station, what it recorded, and how long it took.
+
+    Attributes:
+        pan_tilt: of the camera at the data's times, (N, 2) rad; None without a camera.
+    """
 
     diagram: Diagram
     station: Diagram
     data: RunData
     run_time: RunTime
+    pan_tilt: Array | None = None
 
 
 def simulate(
@@ -129,7 +135,9 @@ def run_station(
     builder.AddNamedSystem("station", station)
     period = 1.0 / scenario.clocks.record_hz
     logs: dict[str, VectorLogSink] = {}
-    for port in _LOGGED:
+    camera = ("camera_pointer.joint_state", "camera_pointer.pan_tilt")
+    commanded = camera[0] if scenario.camera.enabled else "follow_the_leader.joint_state"
+    for port in _LOGGED + (camera if scenario.camera.enabled else ()):
         logs[port] = LogVectorOutput(station.GetOutputPort(port), builder, period)
         logs[port].set_name(f"log.{port}")
     query = station.GetOutputPort("scene_graph.query")
@@ -159,7 +167,7 @@ def run_station(
     data = RunData(
         time=recorded["plant.state"].sample_times(),
         tip_arc_lengths=rows["tip_path_source.tip"][:, 0],
-        commanded_joints=rows["follow_the_leader.joint_state"][:, :joints],
+        commanded_joints=rows[commanded][:, :joints],
         joints=rows["plant.state"][:, :joints],
         joint_rates=rows["plant.state"][:, joints:],
         joint_efforts=efforts,
@@ -169,7 +177,13 @@ def run_station(
         pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
         solution=rows["follow_the_leader.solution"],
     )
-    return Run(diagram=diagram, station=station, data=data, run_time=run_time)
+    return Run(
+        diagram=diagram,
+        station=station,
+        data=data,
+        run_time=run_time,
+        pan_tilt=rows.get("camera_pointer.pan_tilt"),
+    )
 
 
 def _simulate_into(
@@ -196,6 +210,9 @@ def _simulate_into(
     _write_series(folder, assessment)
     _write_run_figures(folder, assessment, sagging)
     no_pictures = write_run_pictures(folder / "figures", scenario, setup, assessment)
+    film = None
+    if run.pan_tilt is not None:
+        film = film_run(folder, scenario, setup, data=run.data, pan_tilt=run.pan_tilt)
     write_run_replay(
         folder / "replay.html",
         scenario,
@@ -203,6 +220,8 @@ def _simulate_into(
         title=f"{name}: {setup.arm.name} on {setup.path.name}",
         time=run.data.time,
         joints=run.data.joints,
+        note="" if film is None else film.note,
+        seen=None if film is None else film.patches,
     )
     _write_diagram(folder, run.diagram)
     summary = (
@@ -218,6 +237,8 @@ def _simulate_into(
             or run.run_time.simulated_s < scenario.duration_s,
         }
     )
+    if film is not None:
+        summary |= film.summary
     if no_pictures is not None:
         summary["renderings_missing"] = no_pictures
     if sagging is not None:
