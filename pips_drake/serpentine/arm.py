@@ -261,9 +261,12 @@ def _make_linkage(config: ArmFile, *, lower: Array, upper: Array) -> Linkage:
             f"must be inside {-straight:g} .. {180.0 - straight:g} deg, where its actuator's pins "
             "and the hinge are in line"
         )
+    anchors = np.array([[box.anchor_inner_in, box.anchor_outer_in] for box in boxes]) * INCH
+    # The last one's pins must fit into the camera head.
+    anchors[-1] = config.camera_head.anchor_in * INCH
     return Linkage.make(
-        anchor_inner=np.array([box.anchor_inner_in for box in boxes]) * INCH,
-        anchor_outer=np.array([box.anchor_outer_in for box in boxes]) * INCH,
+        anchor_inner=anchors[:, 0],
+        anchor_outer=anchors[:, 1],
         pin_angle=np.radians([box.pin_angle_deg for box in boxes]),
         stiffness=np.array([box.actuator_stiffness_N_per_m for box in boxes]),
         force_limit=np.array([box.actuator_force_limit_N for box in boxes]),

@@ -164,14 +164,18 @@ class RailConfig:
 
 @dataclass
 class CameraHeadConfig:
-    """The head beyond the last joint's frame: a square bar along its X."""
+    """The head beyond the last joint's frame: a square bar along its X.
+
+    anchor_in is how far both pins of the last joint's actuator are from its hinge.
+    """
 
     mass_kg: float = 0.0
     length_in: float = 0.0
     width_in: float = 0.0
+    anchor_in: float = 0.0
 
     def validate(self) -> None:
-        require_positive(self, "mass_kg", "length_in", "width_in")
+        require_positive(self, "mass_kg", "length_in", "width_in", "anchor_in")
 
 
 @dataclass

@@ -2,7 +2,7 @@
 
 A link's frame is its joint's Craig frame (FTL-95 Table A.1), so positions in Drake are the joint
 values of `kinematics`; link `rail` is frame {0}. Every body is a uniform box, which is
-what collides; segments are drawn as trusses.
+what collides (crossheads also with their actuators' pins); segments are drawn as trusses.
 Joints carry the drives' stiffness and damping as Drake controller gains, and hard stops where the
 strokes end, a little beyond the limits that a plan must keep.
 """
@@ -165,6 +165,11 @@ def _add_link(
         lens = Strut(start=front - 0.010 * ahead, end=front + 0.006 * ahead, radius=radius)
         _add_strut(link, _mirrored(arm, lens), "lens", COLOURS["lens"])
     _add_shape(link, "collision", f"{body.name}_collision", centre, _box(body.size), None)
+    if kind == "crosshead":
+        for number, strut in enumerate(crosshead_struts(arm, arm.bodies.index(body)), start=1):
+            sphere = ET.Element("sphere")
+            ET.SubElement(sphere, "radius").text = _number(strut.radius)
+            _add_shape(link, "collision", f"pin_{number}", strut.end, sphere, None)
 
 
 def _box(size: Array) -> ET.Element:

@@ -2,7 +2,8 @@
 
 FTL-95 section 2.1: a tetrahedral truss whose spine follows the corners opposite the linear
 actuators. A segment is drawn as a square truss that narrows to a point on the spine at both ends,
-where the hinges are. Looks only: what collides is the body's box.
+where the hinges are. What collides is the body's box, and on a
+crosshead the pins of its actuators, which leave the neighbours' boxes when a joint bends.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ Array = NDArray[np.float64]
 STRUT_RADIUS, POINT_LENGTH = 0.028, 0.45
 #: Bays of a segment are about as long as this share of its width.
 BAY_LENGTH = 0.8
+#: Radius of an actuator as a share of its pins' distance from the hinge: the pins stand 0.707 of a
+#: box's width beside the spine, and its faces 0.75.
+TUBE_RADIUS = 0.042
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +91,8 @@ def actuator_pins(arm: SerpentineArm) -> tuple[Array, Array]:
 def crosshead_struts(arm: SerpentineArm, joint: int) -> list[Strut]:
     """Brackets from a crosshead to the pins it carries, in the frame of its joint (index)."""
     inner, outer = actuator_pins(arm)
-    first, body = arm.first_actuated_joint, arm.bodies[joint]
-    radius = 0.06 * float(body.size[1])
+    first, linkage, body = arm.first_actuated_joint, arm.linkage, arm.bodies[joint]
+    radius = TUBE_RADIUS * float(linkage.anchor_outer[joint - first])
     ends = (outer[joint - first], inner[joint + 1 - first])
     middle = body.centre * arm.mirror
     return [Strut(start=middle, end=end, radius=radius) for end in ends]

@@ -86,7 +86,7 @@ def test_each_joint_has_a_body_and_the_assumed_masses_add_up(arm):
 def test_an_actuator_belongs_to_the_box_on_the_inner_side_of_its_hinge(arm):
     large, medium, small = 9.0, 7.5, 6.0
     # L3 to L9 hang on segments 1-3, L10 to L15 on 4-6, L16 to L18 on 7-8.
-    anchors = [large] * 7 + [medium] * 6 + [small] * 3
+    anchors = [large] * 7 + [medium] * 6 + [small] * 2 + [2.7]  # the last inside the head
     np.testing.assert_allclose(arm.linkage.anchor_inner / INCH, anchors, atol=1e-12)
     # One force limit and one stiffness a box: they change where the box does and nowhere else.
     for values in (arm.linkage.force_limit, arm.linkage.stiffness):

@@ -21,7 +21,7 @@ from pips_drake.serpentine.drives import (
 INCH = 0.0254
 DEGREE = np.pi / 180.0
 # FACTS, the assumed table: boxes of joints 3 to 18 by the segment on the inner side of the hinge.
-PINS = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+PINS = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
 STIFFNESS = np.repeat([4e7, 3e7, 2e7], [7, 6, 3])
 
 

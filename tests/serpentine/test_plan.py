@@ -99,7 +99,7 @@ def test_margins_are_distances_to_the_nearer_limit(arm, plan):
 
 
 def test_drive_lengths_are_the_triangles(plan):
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     expected = 2.0 * pins * np.sin(0.25 * np.pi + 0.5 * plan.joints[:, 2:])
     np.testing.assert_allclose(plan.drive_lengths, expected, rtol=0, atol=1e-15)
 

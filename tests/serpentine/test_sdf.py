@@ -63,8 +63,10 @@ class Scene:
         return port.Eval(self.scene_graph.GetMyContextFromRoot(self.context))
 
     def geometry(self, body):
-        (only,) = self.plant.GetCollisionGeometriesForBody(self.plant.GetBodyByName(body))
-        return only
+        """The box that a body collides as; crossheads have their actuators' pins besides."""
+        box, *pins = self.plant.GetCollisionGeometriesForBody(self.plant.GetBodyByName(body))
+        assert len(pins) == (2 if body.startswith("crosshead") else 0)
+        return box
 
     def distances(self, q, max_distance):
         """Distances by pair of bodies' names, of unfiltered pairs nearer than `max_distance`."""
@@ -165,7 +167,7 @@ def test_the_prototype_weighs_what_the_assumed_table_adds_up_to(plants):
 def test_joints_stop_where_the_strokes_end(plants):
     _, plant = plants["prototype"]
     # L = 2 a sin(45 deg + theta / 2), 2 mm beyond 30 deg each way; d1 2 mm, theta2 1 deg.
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     for sign, limits in (
         (-1.0, plant.GetPositionLowerLimits()),
         (1.0, plant.GetPositionUpperLimits()),
@@ -189,7 +191,7 @@ def test_the_stops_leave_room_beyond_the_limits(plants, name):
 
 def test_speed_limits_are_the_actuators_over_their_levers(plants):
     _, plant = plants["prototype"]
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     expected = np.append([0.05, 5.0 * DEGREE], 0.025 * np.sqrt(2.0) / pins)
     np.testing.assert_allclose(plant.GetVelocityUpperLimits(), expected, rtol=1e-14)
     np.testing.assert_allclose(plant.GetVelocityLowerLimits(), -expected, rtol=1e-14)
@@ -198,7 +200,7 @@ def test_speed_limits_are_the_actuators_over_their_levers(plants):
 def test_effort_limits_and_gains_are_the_drives(plants):
     arm, plant = plants["prototype"]
     # FACTS' table as amended in the arm file; lever a / sqrt 2 where the hinge is straight.
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     force = np.repeat([25000.0, 6000.0, 600.0], [7, 6, 3])
     stiffness = np.repeat([4e7, 3e7, 2e7], [7, 6, 3])
     efforts = np.append([10000.0, 7000.0], force * pins / np.sqrt(2.0))
@@ -268,6 +270,28 @@ def test_bodies_collide_as_boxes_around_their_centres(arm_variant, name):
         # A pose is stored in the body's frame over a round trip: a rounding.
         np.testing.assert_allclose(pose.translation(), body.centre * arm.mirror, rtol=0, atol=1e-15)
         assert pose.rotation().IsExactlyIdentity()
+
+
+@pytest.mark.parametrize("name", ["prototype", "mirrored"])
+def test_crossheads_also_collide_at_their_actuators_pins(arm_variant, name):
+    arm = arm_variant(**VARIANTS[name])
+    scene = Scene(arm)
+    inspector = scene.query(arm.joint_home).inspector()
+    # Modules 1 to 3 are moved by large actuators, pins 9 in from the hinges at 45 deg; the even
+    # hinge's outer pin stands ahead of the crosshead, the odd one's inner pin behind its far hinge.
+    aside = 9.0 * INCH * np.sqrt(0.5)
+    for i in (1, 2, 3):
+        body = scene.plant.GetBodyByName(f"crosshead_{i}")
+        pins = [
+            RigidTransform(inspector.GetPoseInFrame(pin)).translation()
+            for pin in scene.plant.GetCollisionGeometriesForBody(body)[1:]
+        ]
+        offset = arm.segment_offset[i - 1]
+        # Poses of pins stand in the SDF with 17 digits.
+        assert pins[0][0] == pytest.approx(aside, abs=1e-12)
+        assert pins[1][0] == pytest.approx(offset - aside, abs=1e-12)
+        for pin in pins:
+            assert np.linalg.norm(pin[1:]) == pytest.approx(aside, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", VARIANTS)

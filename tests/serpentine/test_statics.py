@@ -115,7 +115,7 @@ def drive_loads(arm):
         postures.append(solver.solve(path, path.samples(INCH)).joints)
     q = np.concatenate(postures)
     # FACTS: a = b, and 90 deg between the pins: L = 2 a sin(45 deg + theta / 2), lever its slope.
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     lever = np.hstack([np.ones((len(q), 2)), pins * np.cos(0.25 * np.pi + 0.5 * q[:, 2:])])
     loads = {}
     for name in MOUNTINGS:

@@ -112,13 +112,18 @@ def test_every_documented_port_is_exported_and_no_other(shipped):
     assert (inputs, outputs) == documented_ports()
 
 
+@pytest.mark.parametrize("camera", [True, False])
 @pytest.mark.parametrize("compensate", [True, False])
-def test_every_documented_system_is_there_by_name_and_no_other(compensate):
-    station = MakeSerpentineStation(scenario(actuation__compensate_deflection=compensate))
+def test_every_documented_system_is_there_by_name_and_no_other(compensate, camera):
+    station = MakeSerpentineStation(
+        scenario(actuation__compensate_deflection=compensate, camera__enabled=camera)
+    )
     text = MakeSerpentineStation.__doc__.split("Systems, by name:")[1].split("Input port")[0]
     names = set(re.findall(r"`(\w+)`", text))
     if not compensate:
         names.remove("deflection_compensator")
+    if not camera:
+        names -= {"camera_pointer", "camera_station"}
     assert {system.get_name() for system in station.GetSystems()} == names
     assert station.get_name() == "serpentine_station"
 
@@ -226,7 +231,7 @@ def test_with_compensation_the_arm_stands_within_0_2_mm(standing):
 def test_at_rest_the_drives_forces_are_the_static_holding_forces(standing):
     q = standing.joints
     # Closed form: lever of the isosceles triangle, a cos(45 deg + theta / 2).
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     lever = np.append([1.0, 1.0], pins * np.cos(0.25 * np.pi + 0.5 * q[2:]))
     expected = standing.holding_efforts(q) / lever
     found = standing["actuator_force_map.drive_effort"]
@@ -278,7 +283,7 @@ def test_on_the_move_no_drive_saturates(moving):
 def test_on_the_move_set_points_are_the_commands_one_period_late_and_compensated(moving):
     bench, rows = moving
     arm = bench.setup.arm
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     q = rows["follow_the_leader.joint_state"][:-1, :18]
     efforts = np.array([bench.holding_efforts(posture) for posture in q])
     aim = q + efforts / bench.stiffness
@@ -315,7 +320,7 @@ def test_but_for_the_latency_the_arm_is_on_the_plan_within_0_2_mm(moving):
 
 def test_on_the_move_drive_efforts_do_the_joints_work(moving):
     _, rows = moving
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     q = rows["plant.state"][:, :18]
     lever = np.hstack([np.ones((len(q), 2)), pins * np.cos(0.25 * np.pi + 0.5 * q[:, 2:])])
     np.testing.assert_allclose(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import html
+import json
 import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pydrake.geometry
@@ -19,7 +22,13 @@ from pydrake.multibody.tree import ModelInstanceIndex, PrismaticJoint, SpatialIn
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from pips_drake.errors import InputError
-from pips_drake.twin.replay import LineInSpace, make_meshcat, needed_keys, write_replay
+from pips_drake.twin.replay import (
+    Bookmark,
+    LineInSpace,
+    make_meshcat,
+    needed_keys,
+    write_replay,
+)
 
 TIME = np.arange(129) / 64
 #: Still for a second, then a metre in a second.
@@ -56,6 +65,14 @@ def write(file: Path, **changed: object) -> None:
     }
     arguments.update(changed)
     write_replay(file, diagram=diagram, plant=plant, model=model, **arguments)  # type: ignore
+
+
+def page_data(file: Path) -> dict[str, Any]:
+    """What the page's controls are told."""
+    found = re.search(r'<script type="application/json"[^>]*>([^<]*)</script>', file.read_text())
+    assert found is not None
+    data: dict[str, Any] = json.loads(found[1])
+    return data
 
 
 def test_meshcat_listens_on_localhost_alone() -> None:
@@ -123,7 +140,43 @@ def test_shapes_that_disagree_are_refused(
 
 def test_one_sample_is_a_still(tmp_path: Path) -> None:
     write(tmp_path / "a.html", time=[0.0], positions=[[0.5]])
-    assert "of 0.0 s" in (tmp_path / "a.html").read_text()
+    assert page_data(tmp_path / "a.html")["duration"] == 0.0
+
+
+BOOKMARK = Bookmark(
+    label="</script><b>&least",
+    time=11.5,
+    line=LineInSpace(
+        name="nearest", points=[[0, 0, 0], [0, 0, 0.5], [0, 0, 1]], color=(1.0, 0.5, 0.0)
+    ),
+)
+
+
+def test_the_controls_know_bookmarks_and_phases(tmp_path: Path) -> None:
+    for name in ("a.html", "b.html"):
+        write(
+            tmp_path / name,
+            time=TIME + 10.0,
+            bookmarks=[BOOKMARK, Bookmark(label="end", time=12.0)],
+            phases={"out": 10.0, "back": 11.0},
+            speed=2.0,
+            note="1 < 2",
+        )
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    assert "1 &lt; 2" in (tmp_path / "a.html").read_text()
+    data = page_data(tmp_path / "a.html")
+    assert (data["start"], data["duration"], data["speed"]) == (10.0, 2.0, 2.0)
+    assert data["speeds"] == [1.0, 2.0, 4.0, 8.0, 16.0]
+    assert data["bookmarks"] == [
+        {
+            "label": BOOKMARK.label,
+            "time": 1.5,
+            "line": [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+            "color": "#ff8000",
+        },
+        {"label": "end", "time": 2.0, "color": "#222"},
+    ]
+    assert data["phases"] == [{"label": "out", "time": 0.0}, {"label": "back", "time": 1.0}]
 
 
 @given(
@@ -143,24 +196,58 @@ def test_left_out_rows_lie_on_the_lines_between_the_others(
         assert list(keys) == [0], "nothing changes"
 
 
-SCRIPT = """
+# Without a window no frame is drawn, so a timer stands in for them. It notes the page's clock since
+# play began, and the time that is shown, s.
+FRAMES = """
+<pre id="said"></pre>
 <script>
+  const frames = [];
   setInterval(() => {
-    viewer.animator.update();
-    document.title = viewer.animator.time + " of " + viewer.animator.duration;
+    const animator = viewer.animator;
+    animator.update();
+    if (!animator.playing) return;
+    frames.push([(performance.now() - animator.clock.startTime) * 1e-3, animator.time]);
+    document.getElementById("said").textContent = JSON.stringify(frames);
   }, 100);
 </script>
 """
 
+# What the controls say after each of some keys and clicks, once the page has loaded.
+KEYS = """
+<script>
+  const noted = [];
+  function say() {
+    viewer.animator.update();
+    const name = (css) => (document.querySelector(css) || {}).textContent;
+    noted.push([
+      name("#replay-time"), name("#replay-bookmarks .replay-on"), name("#replay-lines text"),
+      viewer.animator.playing, viewer.animator.time,
+    ]);
+  }
+  function press(key) {
+    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: key, bubbles: true }));
+    say();
+  }
+  setTimeout(() => {
+    say();
+    press("ArrowRight");
+    press(" ");
+    document.querySelector("#replay-bookmarks a").click();
+    say();
+    document.querySelector("#replay-speeds button").click();
+    say();
+    const result = document.createElement("pre");
+    result.id = "said";
+    result.textContent = JSON.stringify(noted);
+    document.body.appendChild(result);
+  }, 3000);
+</script>
+"""
 
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium to open the page with")
-def test_a_browser_plays_it_at_the_given_speed(tmp_path: Path) -> None:
-    time = np.arange(0.0, 1000.25, 0.25)
-    file = tmp_path / "a.html"
-    write(file, time=time, positions=0.001 * time[:, None], speed=8.0)
-    # Without a window no frame is drawn, so a timer stands in for them.
-    file.write_text(file.read_text().replace("</body>", SCRIPT + "</body>"))
+
+def open_page(file: Path, script: str, *, fragment: str = "") -> str:
+    """The page's document after ten seconds in a browser, with a script added."""
+    file.write_text(file.read_text().replace("</body>", script + "</body>"))
     options = [
         "--headless",
         "--no-sandbox",
@@ -168,13 +255,52 @@ def test_a_browser_plays_it_at_the_given_speed(tmp_path: Path) -> None:
         "--use-angle=swiftshader",
         "--enable-unsafe-swiftshader",
         "--virtual-time-budget=10000",
-        f"--user-data-dir={tmp_path / 'profile'}",
+        f"--user-data-dir={file.parent / 'profile'}",
         "--dump-dom",
     ]
-    command = ["chromium", *options, file.as_uri()]
-    page = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
-    title = re.search(r"<title>([\d.]+) of 1000</title>", page)
-    assert title is not None
-    # The page takes its time to load, so somewhat less than 8 x 10 s have been played.
-    assert 40.0 < float(title[1]) <= 80.0
+    command = ["chromium", *options, file.as_uri() + fragment]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
+
+
+def said(page: str) -> Any:
+    """What a script above left in the document."""
+    found = re.search(r'<pre id="said">(.*)</pre>', page)
+    assert found is not None
+    return json.loads(html.unescape(found[1]))
+
+
+needs_browser = pytest.mark.skipif(
+    shutil.which("chromium") is None, reason="no chromium to open the page with"
+)
+
+
+@pytest.mark.slow
+@needs_browser
+def test_a_browser_plays_it_at_the_given_speed(tmp_path: Path) -> None:
+    time = np.arange(0.0, 1000.25, 0.25)
+    file = tmp_path / "a.html"
+    write(file, time=time, positions=0.001 * time[:, None], speed=8.0)
+    page = open_page(file, FRAMES)
+    frames = np.array(said(page))
+    assert np.ptp(frames[:, 0]) > 5.0
+    # From the first frame on: what went by while the page loaded is not played.
+    assert frames[:, 1] == pytest.approx(8.0 * frames[:, 0], abs=0.02)
     assert "of 1000.0 s, at 8 x" in page
+
+
+@pytest.mark.slow
+@needs_browser
+def test_a_browser_opens_it_at_a_time_and_obeys_keys_and_bookmarks(tmp_path: Path) -> None:
+    time = np.arange(10.0, 1010.25, 0.25)
+    file = tmp_path / "a.html"
+    write(file, time=time, positions=0.001 * time[:, None], bookmarks=[BOOKMARK])
+    page = open_page(file, KEYS, fragment="#t=93.1&pause")
+    opened, stepped, played, jumped, slower = said(page)
+    # The page counts from 0, its label from the start of the recording.
+    assert opened[:3] == ["t = 93.1 s of 1010.0 s, at 8 x", None, None]
+    assert opened[3:] == [False, pytest.approx(83.1)]
+    assert stepped[3:] == [False, pytest.approx(84.1)]
+    assert played[3] is True
+    assert jumped[1:3] == ["</script><b>&least at 11.5 s", "</script><b>&least"]
+    assert jumped[3:] == [False, pytest.approx(1.5)]
+    assert slower[0] == "t = 11.5 s of 1010.0 s, at 1 x"

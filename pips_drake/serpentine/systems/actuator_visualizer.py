@@ -20,12 +20,12 @@ from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.truss import actuator_pins
+from pips_drake.serpentine.truss import TUBE_RADIUS, actuator_pins
 
 #: Tube and rod: red, green, blue, opacity.
 _TUBE_COLOUR, _ROD_COLOUR = (0.80, 0.36, 0.12, 1.0), (0.92, 0.92, 0.95, 1.0)
-#: Radii as shares of the distance from hinge to pin.
-_TUBE_RADIUS, _ROD_RADIUS = 0.085, 0.045
+#: Radius as a share of the distance from hinge to pin.
+_ROD_RADIUS = 0.024
 #: Length of tube and of rod as a share of the actuator's longest: they overlap at full stroke, and
 #: neither reaches past the other's pin when retracted.
 _PART_LENGTH = 0.52
@@ -87,7 +87,7 @@ class ActuatorVisualizer(LeafSystem):
             reach = float(arm.linkage.anchor_inner[k])
             length = _PART_LENGTH * float(arm.linkage.length_upper[k])
             tube = self._register(
-                scene_graph, f"{name}_tube", _TUBE_RADIUS * reach, length, _TUBE_COLOUR
+                scene_graph, f"{name}_tube", TUBE_RADIUS * reach, length, _TUBE_COLOUR
             )
             rod = self._register(
                 scene_graph, f"{name}_rod", _ROD_RADIUS * reach, length, _ROD_COLOUR

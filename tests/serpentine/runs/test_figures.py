@@ -10,10 +10,10 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
-from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.arm import SerpentineArm, load_arm
 from pips_drake.serpentine.follow_the_leader import REPORT_TOLERANCE, FollowTheLeader, Solution
 from pips_drake.serpentine.path_file import load_path
+from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.units import INCH
 

@@ -14,7 +14,7 @@ PERIOD = 1.0 / 64.0
 
 def pins(arm):
     """a = b (A,) m of the prototype: FACTS' table, by the box on each hinge's inner side."""
-    return 0.0254 * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    return 0.0254 * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
 
 
 def test_ports(arm, port_sizes):

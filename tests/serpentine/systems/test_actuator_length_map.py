@@ -20,7 +20,7 @@ def test_lengths_are_the_distances_between_the_pins(arm, random_postures, evalua
     system = ActuatorLengthMap(arm)
     # FACTS: pins a = b = the box's width from the hinge and 90 deg apart when it is straight. An
     # actuator belongs to the box on its inner side: L3 to L9 large, L10 to L15 medium, then small.
-    pins = 0.0254 * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = 0.0254 * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     for q in random_postures(arm, 20):
         drives = evaluate(system, "drive_state", joint_state=np.append(q, np.zeros(18)))
         distance = np.abs(pins - pins * np.exp(1j * (0.5 * np.pi + q[2:])))

@@ -15,7 +15,7 @@ DEGREE = np.pi / 180.0
 
 def home_lengths():
     """The prototype's drives at home: d1 24.9 in, theta2 -90 deg, actuators a sqrt 2."""
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     return np.concatenate([[24.9 * INCH, -0.5 * np.pi], np.sqrt(2.0) * pins])
 
 
@@ -119,7 +119,7 @@ def test_set_points_never_move_faster_than_their_rates_say(arm):
 
 def test_commands_stop_at_the_ends_of_the_strokes(arm):
     # FACTS: joint limits +-30 deg of an isosceles triangle, and 2 mm of overtravel beyond.
-    pins = INCH * np.repeat([9.0, 7.5, 6.0], [7, 6, 3])
+    pins = INCH * np.repeat([9.0, 7.5, 6.0, 2.7], [7, 6, 2, 1])
     shortest = np.append(
         [24.9 * INCH - 0.002, -121.0 * DEGREE], 2.0 * pins * np.sin(30.0 * DEGREE) - 0.002
     )
