@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import html
+import json
 import logging
 import math
-from collections.abc import Iterator, Sequence
+import string
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,41 +43,9 @@ _TOLERANCE = 0.5e-3
 _ROOT = "/replay"
 _GREY = (0.6, 0.6, 0.6, 1.0)
 
-# Shown over the picture. The page's own script made `viewer`. The animation's time is the simulated
-# one; whenever it is loaded, a new mixer starts at speed 1.
-_OVERLAY = """
-  <div id="replay-label">
-    <b>{title}</b><br>
-    {note}
-    <span id="replay-time">&nbsp;</span>
-  </div>
-  <style>
-    #replay-label {{
-      position: fixed; left: 16px; bottom: 16px; padding: 8px 12px; border-radius: 4px;
-      background: rgba(255, 255, 255, 0.8); color: #222; pointer-events: none;
-      font: 16px sans-serif; font-variant-numeric: tabular-nums;
-    }}
-  </style>
-  <script>
-    (function () {{
-      const label = document.getElementById("replay-time");
-      const animator = viewer.animator;
-      const load = animator.load.bind(animator);
-      animator.load = function (...given) {{
-        load(...given);
-        animator.mixer.timeScale = {speed};
-      }};
-      animator.mixer.timeScale = {speed};
-      function update() {{
-        const time = Math.min(animator.time, {duration});
-        label.textContent = "t = " + time.toFixed(1) + " s of {duration} s, at " +
-            animator.mixer.timeScale + " x";
-        requestAnimationFrame(update);
-      }}
-      update();
-    }})();
-  </script>
-"""
+# Below the view: title, bookmarks, time. The animation's time is the simulated one.
+_CONTROLS = Path(__file__).with_name("replay_controls.html")
+_SPEEDS = (1.0, 4.0, 8.0, 16.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +63,22 @@ class LineInSpace:
     points: ArrayLike
     color: tuple[float, float, float] = (0.835, 0.369, 0.0)
     width: float = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bookmark:
+    """A moment to jump to in a replay.
+
+    Attributes:
+        label: what is there; the page adds the time.
+        time: s, on the recorded positions' clock.
+        line: shown near that moment alone, with the label, through whatever stands before it; its
+            first and last points are joined.
+    """
+
+    label: str
+    time: float
+    line: LineInSpace | None = None
 
 
 def make_meshcat(port: int | None = None) -> Meshcat:
@@ -183,7 +169,10 @@ class Replay:
         target: ArrayLike,
         title: str,
         note: str = "",
+        start: float = 0.0,
         speed: float = SPEED,
+        bookmarks: Sequence[Bookmark] = (),
+        phases: Mapping[str, float] | None = None,
     ) -> None:
         """Writes the page.
 
@@ -191,7 +180,10 @@ class Replay:
             eye, target: where the camera stands and looks at first, (3,) m.
             title: of the page and its label.
             note: below the title.
-            speed: simulated seconds a second of watching.
+            start: time of the first sample, s.
+            speed: simulated seconds a second of watching; the page offers others.
+            bookmarks: moments to jump to.
+            phases: when each begins, s, by name, in order; marked on the time slider.
         """
         from pydrake.geometry import Meshcat
 
@@ -200,16 +192,15 @@ class Replay:
         self._meshcat.SetCamera(camera)  # the same as in pictures; Meshcat's own sees 75 deg
         self._meshcat.SetCameraPose(np.asarray(eye, float), np.asarray(target, float))
         duration = max(0, self.samples - 1) / self.sample_rate
-        overlay = _OVERLAY.format(
+        controls = string.Template(_CONTROLS.read_text(encoding="utf-8")).substitute(
             title=html.escape(title),
-            note=f"{html.escape(note)}<br>" if note else "",
-            speed=f"{speed:g}",
-            duration=f"{duration:.1f}",
+            note=f" &nbsp; {html.escape(note)}" if note else "",
+            data=_page_data(duration, start, speed, bookmarks, phases),
         )
         page = self._meshcat.StaticHtml()
         page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>")
         body, end, rest = page.rpartition("</body>")
-        write_whole(file, body + overlay + end + rest)
+        write_whole(file, body + controls + end + rest)
 
     def _make_animation(self) -> MeshcatAnimation:
         """Places what stands still, and returns keys for what moves."""
@@ -252,8 +243,8 @@ class Replay:
         meshcat = self._meshcat
         meshcat.SetProperty("/Axes", "visible", False)
         meshcat.SetProperty("/Grid", "visible", False)
-        meshcat.SetProperty("/Background", "top_color", [0.90, 0.93, 0.96])
-        meshcat.SetProperty("/Background", "bottom_color", [0.98, 0.98, 0.98])
+        meshcat.SetProperty("/Background/<object>", "top_color", [0.90, 0.93, 0.96])
+        meshcat.SetProperty("/Background/<object>", "bottom_color", [0.98, 0.98, 0.98])
         # Meshcat's lamps hang 2 m above the origin, below much of what is large: an even light and
         # one from above instead.
         meshcat.SetProperty("/Lights/PointLightNegativeX", "visible", False)
@@ -261,6 +252,34 @@ class Replay:
         meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
         meshcat.SetProperty("/Lights/FillLight/<object>", "intensity", 2.2)
         meshcat.SetProperty("/Lights/FillLight", "position", [-7.0, -3.0, 10.0])
+
+
+def _page_data(
+    duration: float,
+    start: float,
+    speed: float,
+    bookmarks: Sequence[Bookmark],
+    phases: Mapping[str, float] | None,
+) -> str:
+    """What the page's controls know, as JSON that HTML takes for text; times from `start` on."""
+    marks: list[dict[str, Any]] = []
+    for bookmark in bookmarks:
+        mark = {"label": bookmark.label, "time": bookmark.time - start, "color": "#222"}
+        if bookmark.line is not None:
+            points = np.asarray(bookmark.line.points, dtype=np.float64).reshape(-1, 3)
+            mark["line"] = points[[0, -1]].round(6).tolist()
+            mark["color"] = "#" + "".join(f"{round(255 * c):02x}" for c in bookmark.line.color)
+        marks.append(mark)
+    begins = [{"label": name, "time": time - start} for name, time in (phases or {}).items()]
+    data = {
+        "duration": duration,
+        "start": start,
+        "speed": speed,
+        "speeds": sorted({*_SPEEDS, speed}),
+        "bookmarks": marks,
+        "phases": begins,
+    }
+    return json.dumps(data).replace("<", "\\u003c")
 
 
 def needed_keys(track: Array, tolerance: float) -> NDArray[np.int_]:
@@ -300,6 +319,8 @@ def write_replay(
     seen: ColoredPatches | None = None,
     sample_rate: float = SAMPLE_RATE,
     speed: float = SPEED,
+    bookmarks: Sequence[Bookmark] = (),
+    phases: Mapping[str, float] | None = None,
 ) -> None:
     """Writes the recorded motion of a model as a page; about 4 MB.
 
@@ -314,7 +335,9 @@ def write_replay(
         lines: drawn in the world, such as the path.
         seen: coloured patches of what a camera has seen.
         sample_rate: samples a simulated second; the nearest recorded positions are taken.
-        speed: simulated seconds a second of watching.
+        speed: simulated seconds a second of watching; the page offers others.
+        bookmarks: moments to jump to.
+        phases: when each begins, s, by name, in order; marked on the time slider.
     """
     recorded = np.asarray(time, dtype=np.float64)
     q = np.asarray(positions, dtype=np.float64)
@@ -336,4 +359,14 @@ def write_replay(
         nearest = int(np.argmin(np.abs(recorded - wanted)))
         plant.SetPositions(plant_context, model, q[nearest])
         replay.add_sample(query_port.Eval(plant_context))
-    replay.write(file, eye=eye, target=target, title=title, note=note, speed=speed)
+    replay.write(
+        file,
+        eye=eye,
+        target=target,
+        title=title,
+        note=note,
+        start=float(recorded[0]),
+        speed=speed,
+        bookmarks=bookmarks,
+        phases=phases,
+    )

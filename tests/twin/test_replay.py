@@ -147,7 +147,7 @@ BOOKMARK = Bookmark(
     label="</script><b>&least",
     time=11.5,
     line=LineInSpace(
-        name="nearest", points=[[0, 0, 0], [0, 0, 0.5], [0, 0, 1]], color=(1.0, 0.5, 0.0)
+        name="nearest", points=np.outer([0.0, 0.5, 1.0], [0.0, 0.0, 1.0]), color=(1.0, 0.5, 0.0)
     ),
 )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from pips_drake.serpentine.runs.assessment import Assessment
+from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import SerpentineSetup, arm_pose, make_plant, mounting_pose
+from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.twin.camera import PinholeCamera
 from pips_drake.twin.figures import COLORS, figure_style, new_figure, save_figure
 from pips_drake.twin.rendering import (
@@ -29,7 +30,7 @@ from pips_drake.twin.rendering import (
     render_view,
     save_png,
 )
-from pips_drake.twin.replay import LineInSpace, write_replay
+from pips_drake.twin.replay import Bookmark, LineInSpace, write_replay
 from pips_drake.twin.seen_figure import ColoredPatches
 
 Array = NDArray[np.float64]
@@ -38,6 +39,8 @@ Array = NDArray[np.float64]
 SIZE = (1600, 1000)
 #: From how far the tightest moment is looked at, m.
 MOMENT_DISTANCE = 2.2
+#: Of the line between nearest points.
+NEAREST_COLOR = (0.902, 0.0, 0.494)
 #: Points at which a path is drawn.
 PATH_POINTS = 300
 
@@ -181,8 +184,8 @@ def moment_figure(
         axes.plot(*ends.T, "-o", color="#E6007E", markersize=5.0, linewidth=2.0)
         gap = float(np.linalg.norm(witness[0] - witness[1]))
         axes.annotate(
-            f"{gap * 1e3:.0f} mm", tuple(ends.mean(axis=0)), xytext=(28, -28), textcoords="offset points",
-            fontsize=12, weight="bold", color="#E6007E",
+            f"{gap * 1e3:.0f} mm", tuple(ends.mean(axis=0)), xytext=(28, -28),
+            textcoords="offset points", fontsize=12, weight="bold", color="#E6007E",
             bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 2.0},
             arrowprops={"arrowstyle": "-", "color": "#E6007E"},
         )  # fmt: skip
@@ -212,6 +215,36 @@ def _unhidden_view(query: QueryObject, witness: Array, wanted: Array) -> RigidTr
     return best
 
 
+def run_bookmarks(assessment: Assessment) -> list[Bookmark]:
+    """Moments of a run that one wants to see: tightest, first contact, at the path's end."""
+    data, found = assessment.data, []
+    moments = {}
+    if data.clearance.min() < 0.0:
+        moments[int(np.argmax(data.clearance < 0.0))] = "first contact"
+    moments[assessment.nearest] = "least clearance"
+    for sample, words in sorted(moments.items()):
+        if data.witness is None or data.pairs[sample] is None:
+            continue
+        line = LineInSpace(name="nearest", points=data.witness[sample], color=NEAREST_COLOR)
+        label = f"{words} {data.clearance[sample] * 1e3:.0f} mm"
+        found.append(Bookmark(label=label, time=float(data.time[sample]), line=line))
+    arrived = run_phases(data, assessment.path).get("dwell")
+    if arrived is not None:
+        found.append(Bookmark(label="end of path", time=arrived))
+    return found
+
+
+def run_phases(data: RunData, path: TipPath) -> dict[str, float]:
+    """When a run's phases begin, s: extend, and dwell and retract if it came to them."""
+    phases = {"extend": float(data.time[0])}
+    at_end = np.flatnonzero(data.tip_arc_lengths >= path.length - 1e-9)
+    if at_end.size > 0:
+        phases["dwell"] = float(data.time[at_end[0]])
+        if at_end[-1] + 1 < data.time.size:
+            phases["retract"] = float(data.time[at_end[-1]])
+    return phases
+
+
 def write_run_replay(
     file: Path,
     scenario: SerpentineScenario,
@@ -220,12 +253,15 @@ def write_run_replay(
     title: str,
     time: ArrayLike,
     joints: ArrayLike,
+    bookmarks: Sequence[Bookmark] = (),
+    phases: Mapping[str, float] | None = None,
     note: str = "",
     seen: ColoredPatches | None = None,
 ) -> None:
     """Writes recorded joints (N, joints) m and rad at times (N,) s as a 3-D page with the path.
 
     Args:
+        bookmarks, phases: see `run_bookmarks` and `run_phases`.
         note: below the title.
         seen: coloured patches of what the camera has seen.
     """
@@ -252,6 +288,8 @@ def write_run_replay(
         note=note,
         seen=seen,
         lines=[LineInSpace(name="tip path", points=(X_W0 @ path.T).T)],
+        bookmarks=bookmarks,
+        phases=phases,
     )
 
 

@@ -30,7 +30,12 @@ from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.runs.film import film_run
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
-from pips_drake.serpentine.runs.pictures import write_run_pictures, write_run_replay
+from pips_drake.serpentine.runs.pictures import (
+    run_bookmarks,
+    run_phases,
+    write_run_pictures,
+    write_run_replay,
+)
 from pips_drake.serpentine.runs.sheet import write_run_sheet
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
@@ -220,6 +225,8 @@ def _simulate_into(
         title=f"{name}: {setup.arm.name} on {setup.path.name}",
         time=run.data.time,
         joints=run.data.joints,
+        bookmarks=run_bookmarks(assessment),
+        phases=run_phases(run.data, setup.path),
         note="" if film is None else film.note,
         seen=None if film is None else film.patches,
     )
