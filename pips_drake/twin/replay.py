@@ -194,7 +194,7 @@ class Replay:
         duration = max(0, self.samples - 1) / self.sample_rate
         controls = string.Template(_CONTROLS.read_text(encoding="utf-8")).substitute(
             title=html.escape(title),
-            note=f" &nbsp; {html.escape(note)}" if note else "",
+            note=f"<br>{html.escape(note)}" if note else "",
             data=_page_data(duration, start, speed, bookmarks, phases),
         )
         page = self._meshcat.StaticHtml()
