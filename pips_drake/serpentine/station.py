@@ -385,8 +385,8 @@ def MakeSerpentineStation(
     Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
     `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated),
-    `clearance_monitor`, `actuator_visualizer`; with a camera (`camera.enabled`) `camera_pointer`
-    and `camera_station` (`AddCameraStation` says how it gets a renderer).
+    `clearance_monitor`, `actuator_visualizer`; and with a camera `camera_pointer` and
+    `camera_station`.
 
     Input port: `tip_path_source.command` (1,), optional.
 
@@ -395,7 +395,10 @@ def MakeSerpentineStation(
     `actuator_length_map.drive_state`, `actuator_servo.setpoint`, `actuator_servo.saturation`,
     `actuator_force_map.drive_effort`, `clearance_monitor.clearance`, `clearance_monitor.witness`;
     and of the plant and scene graph `plant.state` (2 J,) of the arm, `plant.net_actuation` (J,),
-    `scene_graph.query`. With a camera, `CAMERA_PORTS` too.
+    `scene_graph.query`. With a camera also `camera_pointer.joint_state` (2 J,), which the drives
+    then follow, `camera_pointer.pan_tilt` (2,), `camera_station.camera_pose`,
+    `camera_station.color_image` and `camera_station.depth_image`; for the images the scene graph
+    needs a renderer (`AddCameraStation`).
 
     Latencies: a source's update is seen by the controller at once, by the servo at its next update
     (one control period, 1/64 s by default), and reached one period after that, plus two plant

@@ -115,12 +115,12 @@ def test_half_of_a_sphere_far_away_is_seen():
     normals = rng.normal(size=(20000, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     camera = PinholeCamera(far=1000.0, incidence=math.radians(89.99))
-    seen = np.isfinite(see(camera, normals + [0.0, 0.0, 50.0], normals))
+    seen = np.isfinite(see(camera, normals + np.array([0.0, 0.0, 50.0]), normals))
     # The cap within sight of a point at distance d has (1 - r / d) / 2 of the sphere; three
     # standard deviations of 20000 draws are 1 %.
     assert seen.mean() == pytest.approx(0.5 * (1.0 - 1.0 / 50.0), abs=0.01)
     camera = PinholeCamera(far=1000.0, incidence=math.radians(60.0))
-    seen = np.isfinite(see(camera, normals + [0.0, 0.0, 1000.0 - 2.0], normals))
+    seen = np.isfinite(see(camera, normals + np.array([0.0, 0.0, 998.0]), normals))
     assert seen.mean() == pytest.approx(0.25, abs=0.01), "a cap of 60 deg has half a hemisphere"
 
 

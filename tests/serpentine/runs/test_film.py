@@ -1,0 +1,122 @@
+"""A run's film is counted frame by frame, and the seen surface is what geometry says it must be."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from subprocess import run
+
+import numpy as np
+import pytest
+
+from pips_drake.scenarios import load_scenario
+from pips_drake.serpentine.runs import film
+from pips_drake.serpentine.runs.assessment import RunData
+from pips_drake.serpentine.runs.film import film_run
+from pips_drake.serpentine.station import load_setup
+from pips_drake.twin.summary import read_summary
+
+PICTURES = ("camera.mp4", "figures/seen_surface.png")
+
+
+@pytest.mark.render
+def test_a_short_run_is_filmed(tmp_path: Path) -> None:
+    """The command as a user runs it."""
+    av = pytest.importorskip("av")
+    out = tmp_path / "out"
+    changes = {
+        "duration_s": "0.5",
+        "actuation.show_uncompensated": "false",
+        "camera.picture_period_s": "0.0625",
+        "camera.width": "160",
+        "camera.height": "120",
+    }
+    command = [sys.executable, "-m", "pips_drake", "simulate", "trajectory_4", "--out", str(out)]
+    for key, value in changes.items():
+        command += ["--set", f"{key}={value}"]
+    done = run(command, capture_output=True, text=True, timeout=110, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with av.open(str(out / PICTURES[0])) as container:
+        stream = container.streams.video[0]
+        assert (stream.width, stream.height, float(stream.average_rate)) == (160, 120, 12.0)
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+    assert len(frames) == 1 + 8, "every 1/16 s of half a second, both ends included"
+    for frame in frames:
+        # The payload's shell is yellow and stands in the middle: more red and green than blue.
+        red, green, blue = frame[50:70, 70:90].reshape(-1, 3).mean(axis=0)
+        assert min(red, green) > 1.3 * blue
+        assert frame.std() > 20.0, "not blank"
+    assert (out / PICTURES[1]).read_bytes().startswith(b"\x89PNG")
+    summary = read_summary(out / "summary.json")
+    # From the state that the pointer starts with: only the plant's own motion is left, and the
+    # joint's, which the pan follows by a period.
+    assert summary["camera_aim_error_max_rad"] < 2e-3
+    assert summary["camera_pictures"] == 9
+    assert 0.1 < summary["seen_fraction"] < 0.5, "no more than half of a convex body from one side"
+    assert summary["seen_checks_hiding"] is True
+    assert "seen of payload::payload" in (out / "replay.html").read_text()
+
+
+def standing(scenario: object, samples: int = 3) -> tuple[RunData, np.ndarray]:
+    """A recorded run in which nothing moves, at home."""
+    setup = load_setup(scenario)  # type: ignore[arg-type]
+    q = setup.solver.solve(setup.path, [setup.path.home_arc_length]).joints[0]
+    joints = np.tile(q, (samples, 1))
+    nothing = np.zeros(samples)
+    data = RunData(
+        time=0.5 * np.arange(samples),
+        tip_arc_lengths=nothing + setup.path.home_arc_length,
+        commanded_joints=joints,
+        joints=joints,
+        joint_rates=0.0 * joints,
+        joint_efforts=0.0 * joints,
+        clearance=nothing,
+        self_clearance=nothing,
+        pairs=(None,) * samples,
+        solution=np.zeros((samples, 2)),
+    )
+    return data, np.zeros((samples, 2))
+
+
+@pytest.mark.parametrize(
+    "missing", ["render_available", pytest.param("video_available", marks=pytest.mark.render)]
+)
+def test_without_a_library_the_run_goes_on_and_says_which(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    scenario = load_scenario("trajectory_4").config
+    scenario.camera.width, scenario.camera.height = 64, 48
+    monkeypatch.setattr(film, missing, lambda: f"no {missing} here")
+    data, pan_tilt = standing(scenario)
+    # Aimed by hand, so that there is something in the picture: CameraPointer's start at home.
+    pan_tilt[:] = np.radians([31.1, 73.9])
+    found = film_run(tmp_path, scenario, load_setup(scenario), data=data, pan_tilt=pan_tilt)
+    assert found.summary["camera_film_missing"] == f"no {missing} here"
+    assert found.summary["seen_checks_hiding"] is (missing == "video_available")
+    assert found.summary["camera_aim_error_max_rad"] < 2e-3
+    assert 0.1 < found.summary["seen_fraction"] < 0.5
+    assert not (tmp_path / PICTURES[0]).exists()
+    assert (tmp_path / PICTURES[1]).exists()
+
+
+def test_a_point_as_target_has_no_surface(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario("trajectory_4").config
+    scenario.camera.target_body = ""
+    scenario.camera.target_m = [1.778, -1.8421, 5.1537]
+    monkeypatch.setattr(film, "render_available", lambda: "no EGL here")
+    data, pan_tilt = standing(scenario)
+    found = film_run(tmp_path, scenario, load_setup(scenario), data=data, pan_tilt=pan_tilt)
+    assert found.patches is None
+    assert "seen_fraction" not in found.summary
+    # Straight ahead the target is 75 deg aside (a right triangle of 2.4 m).
+    assert found.summary["camera_aim_error_max_rad"] > 1.0
+    assert found.summary["camera_target_distance_end_m"] == pytest.approx(2.2, abs=0.3)
+
+
+def test_pictures_are_the_samples_nearest_to_their_times() -> None:
+    time = np.arange(97) / 32.0
+    frames = film._frames(time, 0.5)
+    np.testing.assert_allclose(time[frames], 0.5 * np.arange(7))
+    assert film._frames(np.array([0.0]), 0.5).tolist() == [0]
+    odd = film._frames(time, 0.1)
+    assert np.abs(time[odd] - 0.1 * np.arange(len(odd))).max() <= 0.5 / 32.0 + 1e-12
