@@ -16,13 +16,31 @@ from pips_drake.serpentine.runs.film import film_run
 from pips_drake.serpentine.station import load_setup
 from pips_drake.twin.summary import read_summary
 
+#: Pan and tilt with which the camera at home looks at the payload's middle, as a run begins, rad.
+AIMED_AT_HOME = np.radians([31.11, 73.94])
 PICTURES = ("camera.mp4", "figures/seen_surface.png")
 
 
+def check_film(file: Path, *, frames: int) -> None:
+    """Size, speed and number of the frames, and that the payload is in the middle of each."""
+    av = pytest.importorskip("av")
+    with av.open(str(file)) as container:
+        stream = container.streams.video[0]
+        assert (stream.width, stream.height, float(stream.average_rate)) == (160, 120, 12.0)
+        found = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+    assert len(found) == frames
+    for frame in found:
+        # The payload's shell is yellow and stands in the middle: more red and green than blue.
+        red, green, blue = frame[50:70, 70:90].reshape(-1, 3).mean(axis=0)
+        assert min(red, green) > 1.3 * blue
+        assert frame.std() > 20.0, "not blank"
+
+
+@pytest.mark.slow
 @pytest.mark.render
 def test_a_short_run_is_filmed(tmp_path: Path) -> None:
     """The command as a user runs it."""
-    av = pytest.importorskip("av")
+    pytest.importorskip("av")
     out = tmp_path / "out"
     changes = {
         "duration_s": "0.5",
@@ -36,16 +54,8 @@ def test_a_short_run_is_filmed(tmp_path: Path) -> None:
         command += ["--set", f"{key}={value}"]
     done = run(command, capture_output=True, text=True, timeout=110, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    with av.open(str(out / PICTURES[0])) as container:
-        stream = container.streams.video[0]
-        assert (stream.width, stream.height, float(stream.average_rate)) == (160, 120, 12.0)
-        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
-    assert len(frames) == 1 + 8, "every 1/16 s of half a second, both ends included"
-    for frame in frames:
-        # The payload's shell is yellow and stands in the middle: more red and green than blue.
-        red, green, blue = frame[50:70, 70:90].reshape(-1, 3).mean(axis=0)
-        assert min(red, green) > 1.3 * blue
-        assert frame.std() > 20.0, "not blank"
+    # Every 1/16 s of half a second, both ends included.
+    check_film(out / PICTURES[0], frames=1 + 8)
     assert (out / PICTURES[1]).read_bytes().startswith(b"\x89PNG")
     summary = read_summary(out / "summary.json")
     # From the state that the pointer starts with: only the plant's own motion is left, and the
@@ -78,6 +88,21 @@ def standing(scenario: object, samples: int = 3) -> tuple[RunData, np.ndarray]:
     return data, np.zeros((samples, 2))
 
 
+@pytest.mark.render
+def test_a_film_has_a_picture_for_each_of_its_times(tmp_path: Path) -> None:
+    scenario = load_scenario("trajectory_4").config
+    scenario.camera.width, scenario.camera.height = 160, 120
+    data, pan_tilt = standing(scenario, samples=4)
+    pan_tilt[:] = AIMED_AT_HOME
+    found = film_run(tmp_path, scenario, load_setup(scenario), data=data, pan_tilt=pan_tilt)
+    check_film(tmp_path / PICTURES[0], frames=4)
+    assert found.summary["seen_checks_hiding"] is True
+    # A convex body from one side: less than half.
+    assert 0.1 < found.summary["seen_fraction"] < 0.5
+    assert found.patches is not None
+    assert "seen of payload::payload" in found.note
+
+
 @pytest.mark.parametrize(
     "missing", ["render_available", pytest.param("video_available", marks=pytest.mark.render)]
 )
@@ -88,8 +113,7 @@ def test_without_a_library_the_run_goes_on_and_says_which(
     scenario.camera.width, scenario.camera.height = 64, 48
     monkeypatch.setattr(film, missing, lambda: f"no {missing} here")
     data, pan_tilt = standing(scenario)
-    # Aimed by hand, so that there is something in the picture: CameraPointer's start at home.
-    pan_tilt[:] = np.radians([31.1, 73.9])
+    pan_tilt[:] = AIMED_AT_HOME
     found = film_run(tmp_path, scenario, load_setup(scenario), data=data, pan_tilt=pan_tilt)
     assert found.summary["camera_film_missing"] == f"no {missing} here"
     assert found.summary["seen_checks_hiding"] is (missing == "video_available")
