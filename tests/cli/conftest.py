@@ -42,7 +42,7 @@ def pips() -> Callable[..., Outcome]:
 
     def run(*words: str, cwd: Path) -> Outcome:
         done = subprocess.run(
-            command(*words), cwd=cwd, env=environment(), capture_output=True, text=True, timeout=110
+            command(*words), cwd=cwd, env=environment(), capture_output=True, text=True, timeout=280
         )
         return Outcome(done.returncode, done.stdout, done.stderr)
 
@@ -81,3 +81,11 @@ def pips_here(
         return Outcome(int(caught.value.code or 0), said.out, said.err)
 
     return run
+
+
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leaves out what `pips follow` takes longest for, where a test looks at something else."""
+    monkeypatch.setattr(
+        "pips_drake.serpentine.runs.follow.write_plan_figures", lambda folder, plan: None
+    )

@@ -10,6 +10,9 @@ import yaml
 
 from pips_drake.scene.packages import find_arm_file
 
+# In a fresh checkout the first command of each kind waits for numba's compilation.
+pytestmark = pytest.mark.timeout(300)
+
 HEADER = "x_in,y_in,z_in\n"
 BASE = HEADER + "16.255,0,0\n16.255,0,174.902\n"
 GOOD = BASE + "16.255,0,176\n"

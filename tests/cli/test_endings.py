@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+# In a fresh checkout the first command of each kind waits for numba's compilation.
+pytestmark = pytest.mark.timeout(300)
+
 BASE = "x_in,y_in,z_in\n16.255,0,0\n16.255,0,174.902\n"
 
 #: Readable paths that the arm cannot follow, and what the summary says of them.
@@ -31,7 +34,7 @@ def nothing_left(folder: Path, *names: str) -> bool:
 
 @pytest.mark.parametrize("case", NOT_FOLLOWABLE)
 def test_a_path_that_cannot_be_followed_exits_1_and_its_folder_shows_where(
-    pips_here, tmp_path, case
+    pips_here, no_figures, tmp_path, case
 ):
     text, words = NOT_FOLLOWABLE[case]
     (tmp_path / "hard.csv").write_text(text)
@@ -48,7 +51,7 @@ def test_a_path_that_cannot_be_followed_exits_1_and_its_folder_shows_where(
     assert nothing_left(tmp_path, "hard.csv", "result")
 
 
-def test_an_iteration_limit_that_is_too_low_exits_1(pips_here, tmp_path):
+def test_an_iteration_limit_that_is_too_low_exits_1(pips_here, no_figures, tmp_path):
     outcome = pips_here("follow", "trajectory_4", "--max_iterations", "1", "--out", "result")
     assert outcome.code == 1
     # FACTS: the first error at home is 0.5406 in.
@@ -56,7 +59,9 @@ def test_an_iteration_limit_that_is_too_low_exits_1(pips_here, tmp_path):
     assert (tmp_path / "result" / "summary.json").is_file()
 
 
-def test_an_existing_result_is_kept_without_force_and_replaced_with_it(pips_here, tmp_path):
+def test_an_existing_result_is_kept_without_force_and_replaced_with_it(
+    pips_here, no_figures, tmp_path
+):
     (tmp_path / "short.csv").write_text(BASE + "16.255,0,175.5\n")
     assert pips_here("follow", "short.csv", "--out", "result").code == 0
     first = (tmp_path / "result" / "joints.csv").read_bytes()
@@ -91,7 +96,7 @@ def test_an_output_folder_that_cannot_be_made_exits_2(pips_here, tmp_path, out):
     assert nothing_left(tmp_path, "file")
 
 
-def test_a_full_disk_exits_2_and_leaves_nothing(pips_here, tmp_path, monkeypatch):
+def test_a_full_disk_exits_2_and_leaves_nothing(pips_here, no_figures, tmp_path, monkeypatch):
     def write(*args: object, **kwargs: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device", "summary.json")
 
@@ -102,23 +107,41 @@ def test_a_full_disk_exits_2_and_leaves_nothing(pips_here, tmp_path, monkeypatch
     assert nothing_left(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_an_interrupted_simulation_leaves_nothing(start_pips, tmp_path, name):
-    process = start_pips("simulate", "trajectory_4", cwd=tmp_path)
-    try:
-        # The temporary folder says that the work has begun.
-        deadline = time.monotonic() + 60.0
-        while not list((tmp_path).glob("out/.*")) and time.monotonic() < deadline:
-            assert process.poll() is None
-            time.sleep(0.02)
-        time.sleep(0.5)
-        process.send_signal(getattr(signal, name))
-        out, err = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == 130
-    assert err == "pips: interrupted; nothing was written\n"
+def interrupt(process: subprocess.Popen[str], folder: Path, number: int) -> str:
+    """Sends a signal once the work has begun; returns what was said on standard error."""
+    with process:
+        try:
+            deadline = time.monotonic() + 60.0
+            # The temporary folder says that it has begun.
+            while not list(folder.glob("out/.*")) and time.monotonic() < deadline:
+                assert process.poll() is None
+                time.sleep(0.02)
+            time.sleep(0.5)
+            process.send_signal(number)
+            while process.poll() is None and time.monotonic() < deadline + 60.0:
+                try:
+                    process.wait(timeout=20)
+                except subprocess.TimeoutExpired:
+                    process.send_signal(number)  # the first was lost, see below
+            out, err = process.communicate()
+        finally:
+            process.kill()
     assert out == ""
+    return err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "kill"])
+def test_an_interrupted_simulation_leaves_nothing(start_pips, tmp_path, number):
+    for _ in range(3):
+        process = start_pips("simulate", "trajectory_4", cwd=tmp_path)
+        err = interrupt(process, tmp_path, number)
+        # In a fresh checkout numba compiles; there Python loses one exception in many, raised in a
+        # callback from C, and says so.
+        if "Exception ignored" not in err:
+            break
+    # Interrupted in code that C runs, Python ends by SIGINT itself: to a shell that is 130 too.
+    assert process.returncode in (130, -signal.SIGINT)
+    assert err == "pips: interrupted; nothing was written\n"
     assert nothing_left(tmp_path)
 
 

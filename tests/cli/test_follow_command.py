@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 JOINTS = ["d1", *(f"theta{j}" for j in range(2, 19))]
+# In a fresh checkout the first command of each kind waits for numba's compilation.
+pytestmark = pytest.mark.timeout(300)
+
 IN_SI = ["d1_m", *(f"theta{j}_rad" for j in range(2, 19))]
 IN_REPORT_UNITS = ["d1_in", *(f"theta{j}_deg" for j in range(2, 19))]
 SPINE = [4, 6, 8, 10, 12, 14, 16, 18]
@@ -139,7 +142,7 @@ def test_figures_are_pictures_that_can_be_read(followed):
         assert 600 <= width <= 6000 and 400 <= height <= 8000, file.name
 
 
-def test_the_reports_tolerance_gives_the_reports_iterations(pips_here, tmp_path):
+def test_the_reports_tolerance_gives_the_reports_iterations(pips_here, no_figures, tmp_path):
     """FTL-95 Figure D.4: two iterations at the first point, one after; 0.0676 in at most."""
     outcome = pips_here("follow", "trajectory_4", "--tolerance_in", "0.1", "--out", "report")
     assert outcome.code == 0
@@ -148,7 +151,7 @@ def test_the_reports_tolerance_gives_the_reports_iterations(pips_here, tmp_path)
     assert rows[:, header.index("spine_error_in")].max() == pytest.approx(0.0676, abs=5e-5)
 
 
-def test_a_step_puts_tips_that_far_apart_with_the_end_included(pips_here, tmp_path):
+def test_a_step_puts_tips_that_far_apart_with_the_end_included(pips_here, no_figures, tmp_path):
     outcome = pips_here("follow", "trajectory_4", "--step_in", "0.25", "--out", "fine")
     assert outcome.code == 0
     _, rows = read_table(tmp_path / "fine" / "joints_in_deg.csv")
@@ -160,7 +163,7 @@ def test_a_step_puts_tips_that_far_apart_with_the_end_included(pips_here, tmp_pa
     np.testing.assert_allclose(rows[-1, 1:19], END_OF_TRAJECTORY_4, rtol=0, atol=6e-7)
 
 
-def test_it_runs_on_a_file_of_ones_own_in_metres(pips_here, tmp_path):
+def test_it_runs_on_a_file_of_ones_own_in_metres(pips_here, no_figures, tmp_path):
     (tmp_path / "straight.csv").write_text(
         "x_m,y_m,z_m\n0.412877,0,0\n0.412877,0,4.4425108\n0.412877,0,4.6\n"
     )
