@@ -84,8 +84,10 @@ class Check:
     arm: Annotated[str, _word("NAME")] = "prototype"
     """A shipped arm, or an arm file."""
     scene: Annotated[str | None, _word("NAME")] = None
-    """A shipped scene or a file (*.dmd.yaml); `none` for no scene. Without it, the shipped scene of
-    the path's name."""
+    """A shipped scene, or a file of your own: *.dmd.yaml, *.sdf or *.urdf; `none` for no scene.
+    Without it, the shipped scene of the path's name."""
+    decompose: bool = False
+    """Split the scene's meshes into convex parts; otherwise each collides as its convex hull."""
     mounting: Annotated[str, _word("NAME")] = "pad"
     """laboratory, pad or pad_below: how the arm's base stands."""
     corner_deviation_in: Annotated[float, _word("D")] = 0.25
@@ -97,20 +99,23 @@ class Check:
 
     def run(self) -> int:
         from pips_drake.config import validate
+        from pips_drake.scenarios import find_own_scene
         from pips_drake.serpentine.runs.check import check, scene_of_path
         from pips_drake.serpentine.scenario import SerpentineScenario
 
-        scene = scene_of_path(self.path) if self.scene is None else self.scene
+        scene, scene_file = find_own_scene(self.scene or scene_of_path(self.path) or "none")
         scenario = SerpentineScenario(
             path=self.path,
             arm=self.arm,
-            scene="" if scene == "none" else scene,
+            scene=scene,
+            decompose_meshes=self.decompose,
             mounting=self.mounting,
             corner_deviation_in=self.corner_deviation_in,
         )
         validate(scenario)
         name = Path(self.path).stem
-        return _report(check(scenario, name=name, out=self.out, force=self.force), _CHECK_LINES)
+        verdict = check(scenario, name=name, out=self.out, force=self.force, scene_file=scene_file)
+        return _report(verdict, _CHECK_LINES, own_scene=self.scene is not None)
 
 
 @dataclass(kw_only=True)
@@ -127,6 +132,11 @@ class Simulate:
         tyro.conf.arg(name="set", metavar="KEY=VALUE ..."),
     ] = field(default_factory=list)
     """Change fields of the scenario, such as motion.dwell_s=2 checks.clearance_min_mm=40."""
+    scene: Annotated[str | None, _word("NAME")] = None
+    """Another scene than the scenario's: a shipped one, or a file of your own: *.dmd.yaml, *.sdf or
+    *.urdf; `none` for no scene."""
+    decompose: bool = False
+    """Split the scene's meshes into convex parts; otherwise each collides as its convex hull."""
     force: bool = False
     """Replace an earlier result in that folder."""
     meshcat: bool = False
@@ -136,12 +146,12 @@ class Simulate:
         from pips_drake.scenarios import load_scenario, simulate
 
         words = [word for group in self.overrides for word in group]
-        loaded = load_scenario(self.scenario, _parse_overrides(words))
+        loaded = load_scenario(self.scenario, _parse_overrides(words), scene=self.scene)
+        loaded.config.decompose_meshes |= self.decompose
         meshcat = _serve_meshcat() if self.meshcat else None
         out = self.out or Path("out") / loaded.name
-        return _report(
-            simulate(loaded, out=out, force=self.force, meshcat=meshcat), _SIMULATE_LINES
-        )
+        verdict = simulate(loaded, out=out, force=self.force, meshcat=meshcat)
+        return _report(verdict, _SIMULATE_LINES, own_scene=self.scene is not None)
 
 
 @dataclass(kw_only=True)
@@ -309,7 +319,7 @@ _SIMULATE_LINES: tuple[Line, ...] = (
 )
 
 
-def _report(verdict: Verdict, lines: Sequence[Line]) -> int:
+def _report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False) -> int:
     """Prints a verdict for a person; returns the exit code."""
     summary = verdict.summary
     print(f"{summary.get('path', '')}: {verdict.word.upper()}")
@@ -320,9 +330,13 @@ def _report(verdict: Verdict, lines: Sequence[Line]) -> int:
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
     if summary.get("rail_shift_m"):
         inches = summary["rail_shift_m"] / 0.0254
-        print(f"  re-anchored: the rail stands {inches:+.2f} in along z0, so that the path begins home")
+        print(f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home")
     if summary.get("cycle_completed") is False:
         print(f"  (only the first {summary['simulated_s']:g} s of the run)")
+    for line in summary.get("scene_placement", ()) if own_scene else ():
+        print(f"  {line}")
+    for warning in summary.get("scene_warnings", ()):
+        print(f"  warning: {warning}")
     if verdict.folder is not None:
         print(f"  written to {verdict.folder}")
     return DONE if verdict.passed else FAILED

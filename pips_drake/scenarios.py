@@ -16,7 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 from pips_drake.config import load_plain, load_yaml
 from pips_drake.errors import InputError, UnknownNameError
-from pips_drake.scene.packages import find_scenario_file, scenarios_directory
+from pips_drake.scene.packages import (
+    find_scenario_file,
+    find_scene_file,
+    list_names,
+    scenarios_directory,
+)
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.twin.verdict import Verdict
 
@@ -44,19 +49,27 @@ MACHINES = {"serpentine": Machine(SerpentineScenario, _simulate_serpentine)}
 
 @dataclass(frozen=True, kw_only=True)
 class LoadedScenario:
-    """A scenario with its name, and the folder where its relative file names start."""
+    """A scenario with its name, and the folder where its relative file names start.
+
+    Attributes:
+        scene_file: stands for the scenario's own scene.
+    """
 
     name: str
     machine: str
     config: Any
     folder: Path
+    scene_file: Path | None = None
 
 
-def load_scenario(name: str, overrides: Mapping[str, str] | None = None) -> LoadedScenario:
+def load_scenario(
+    name: str, overrides: Mapping[str, str] | None = None, *, scene: str | None = None
+) -> LoadedScenario:
     """The scenario of a shipped name or of a file.
 
     Args:
         overrides: dotted field names to texts, such as `{"motion.dwell_s": "2"}`.
+        scene: another scene, see `find_own_scene`.
 
     Raises:
         InputError: no such scenario, an unknown key, or a value that is not allowed.
@@ -64,7 +77,34 @@ def load_scenario(name: str, overrides: Mapping[str, str] | None = None) -> Load
     file = find_scenario_file(name)
     machine = _machine_of(file)
     config: Any = load_yaml(MACHINES[machine].schema, file, overrides=dict(overrides or {}))
-    return LoadedScenario(name=file.stem, machine=machine, config=config, folder=file.parent)
+    scene_file = None
+    if scene is not None:
+        config.scene, scene_file = find_own_scene(scene)
+        if not config.scene and config.camera.target_body:
+            config.camera.enabled, config.camera.target_body = False, ""
+    return LoadedScenario(
+        name=file.stem, machine=machine, config=config, folder=file.parent, scene_file=scene_file
+    )
+
+
+def find_own_scene(scene: str) -> tuple[str, Path | None]:
+    """What to call a scene in a scenario, and its file.
+
+    Args:
+        scene: a shipped name, a file relative to the current folder, or `none`.
+
+    Raises:
+        UnknownNameError: neither a shipped name nor an existing file.
+    """
+    if scene == "none":
+        return "", None
+    file = find_scene_file(scene)
+    if scene in list_names("scene"):
+        return scene, file
+    # Results name no folder of the machine that they come from.
+    here, there = Path.cwd(), file.absolute()
+    inside = there.is_relative_to(here)
+    return (there.relative_to(here).as_posix() if inside else file.name), file
 
 
 def simulate(
@@ -81,6 +121,7 @@ def simulate(
         out=Path(out),
         force=force,
         folder=scenario.folder,
+        scene_file=scenario.scene_file,
         meshcat=meshcat,
     )
 

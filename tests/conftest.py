@@ -12,6 +12,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import hypothesis  # noqa: E402
+import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
 from pips_drake.scene.rendering import can_render  # noqa: E402
@@ -46,3 +47,62 @@ def remove_stale_numba_caches(package: Path) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     if item.get_closest_marker("render") and not can_render():
         pytest.skip("no EGL to render with; see tools/system_libraries.sh")
+
+
+class Bracket:
+    """An L-shaped prism, of which everything is known in closed form, as .obj and in a scene."""
+
+    #: Its legs along x and y, their thickness, and its height along z, m.
+    leg_x, leg_y, thick, height = 0.4, 0.3, 0.1, 0.2
+    #: Two boxes, m^3.
+    volume = (leg_x * thick + (leg_y - thick) * thick) * height
+    #: The bounding box less the corner that the slanting face cuts off, m^3.
+    hull_volume = (leg_x * leg_y - 0.5 * (leg_x - thick) * (leg_y - thick)) * height
+    #: Of the point on the slanting face that is as far from one leg as from the other, m.
+    hull_excess = 1.0 / (1.0 / (leg_x - thick) + 1.0 / (leg_y - thick))
+    mesh = "<geometry><mesh><uri>bracket.obj</uri></mesh></geometry>"
+
+    def triangles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (12, 3) m and triangles (20, 3), outward."""
+        x, y, t = self.leg_x, self.leg_y, self.thick
+        outline = [(0.0, 0.0), (x, 0.0), (x, t), (t, t), (t, y), (0.0, y)]
+        vertices = [(*point, z) for z in (0.0, self.height) for point in outline]
+        fan = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
+        faces = [(a, c, b) for a, b, c in fan] + [(a + 6, b + 6, c + 6) for a, b, c in fan]
+        for i in range(6):
+            j = (i + 1) % 6
+            faces += [(i, j, j + 6), (i, j + 6, i + 6)]
+        return np.array(vertices), np.array(faces)
+
+    def obj(self) -> str:
+        """The text of an .obj file, without normals, as many programs write it."""
+        vertices, faces = self.triangles()
+        lines = ["v " + " ".join(map(repr, vertex)) for vertex in vertices.tolist()]
+        lines += ["f " + " ".join(str(i + 1) for i in face) for face in faces.tolist()]
+        return "\n".join(lines) + "\n"
+
+    def write(
+        self,
+        folder: Path,
+        *,
+        pose: str = "0 0 0 0 0 0",
+        seen: str = mesh,
+        collides: str = mesh,
+        fixed: bool = False,
+    ) -> Path:
+        """Writes bracket.obj and bracket.sdf: one link `body`; an empty geometry is left out."""
+        (folder / "bracket.obj").write_text(self.obj())
+        visual = f"<visual name='v'>{seen}</visual>" if seen else ""
+        collision = f"<collision name='c'>{collides}</collision>" if collides else ""
+        static = "<static>true</static>" if fixed else ""
+        file = folder / "bracket.sdf"
+        file.write_text(
+            f"<sdf version='1.9'><model name='bracket'>{static}<pose>{pose}</pose>"
+            f"<link name='body'>{visual}{collision}</link></model></sdf>"
+        )
+        return file
+
+
+@pytest.fixture
+def bracket() -> Bracket:
+    return Bracket()

@@ -225,6 +225,9 @@ class SerpentineScenario:
     path: str = ""
     # A shipped name or file; empty for no scene.
     scene: str = ""
+    # Split the scene's meshes into convex parts (extra `meshes`); otherwise each collides as its
+    # convex hull.
+    decompose_meshes: bool = False
     # A table's corners are blended by arcs that pass them within this, in. 0 moves along the
     # polyline as it stands, and the joints' rates jump at its vertices.
     corner_deviation_in: float = 0.25

@@ -21,7 +21,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import AffineSystem, ZeroOrderHold
 
 from pips_drake.errors import InputError, UnknownNameError
-from pips_drake.scene.loading import AddPlacedFrame, AddScene, check_anchored
+from pips_drake.scene.decomposition import AddConvexParts
+from pips_drake.scene.loading import (
+    AddMissingNormals,
+    AddPlacedFrame,
+    AddScene,
+    check_anchored,
+)
 from pips_drake.scene.packages import find_arm_file, find_path_file, find_scene_file
 from pips_drake.serpentine.anchoring import anchor_path
 from pips_drake.serpentine.arm import SerpentineArm, load_arm
@@ -83,8 +89,13 @@ class SerpentineSetup:
     rail_shift: float = 0.0
 
 
-def load_setup(scenario: SerpentineScenario, *, folder: Path | None = None) -> SerpentineSetup:
+def load_setup(
+    scenario: SerpentineScenario, *, folder: Path | None = None, scene_file: Path | None = None
+) -> SerpentineSetup:
     """Loads the arm, path and scene of a scenario; relative files are looked for in `folder`.
+
+    Args:
+        scene_file: stands for the scenario's scene, wherever it lies.
 
     Raises:
         InputError: a name is unknown, or a file cannot be used.
@@ -101,7 +112,8 @@ def load_setup(scenario: SerpentineScenario, *, folder: Path | None = None) -> S
         tolerance=scenario.solver.tolerance_in * INCH,
         max_iterations=scenario.solver.max_iterations,
     )
-    scene_file = find_scene_file(scenario.scene, inside=folder) if scenario.scene else None
+    if scene_file is None and scenario.scene:
+        scene_file = find_scene_file(scenario.scene, inside=folder)
     return SerpentineSetup(
         arm=arm, path=path, rail_shift=rail_shift, solver=solver, scene_file=scene_file
     )
@@ -159,7 +171,12 @@ def make_plant(
         builder,
     )
     model = AddSerpentineArm(plant, setup.arm, mounting_pose(scenario), setup.rail_shift)
-    scene = [] if setup.scene_file is None else AddScene(plant, setup.scene_file)
+    scene = []
+    if setup.scene_file is not None:
+        scene = AddScene(plant, setup.scene_file, base_frame=BASE_FRAME)
+        AddMissingNormals(plant, scene_graph, scene)
+    if scenario.decompose_meshes:
+        AddConvexParts(plant, scene_graph, scene)
     plant.Finalize()
     if setup.scene_file is not None:
         check_anchored(plant, scene, setup.scene_file)

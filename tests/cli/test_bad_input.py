@@ -309,17 +309,23 @@ def test_a_bad_arm_is_refused(pips_here, tmp_path, case):
         assert_refused(outcome, tmp_path, {"bad.yaml", "scenario.yaml"}, "bad.yaml: ", words)
 
 
-def model(link: str, *, static: bool = True) -> str:
-    fixed = "<static>true</static>" if static else ""
+def model(link: str) -> str:
     return (
-        f"<sdf version='1.9'><model name='m'>{fixed}<link name='wall'>{link}</link></model></sdf>"
+        "<sdf version='1.9'><model name='m'><static>true</static>"
+        f"<link name='wall'>{link}</link></model></sdf>"
     )
 
 
 BOX = "<collision name='c'><geometry><box><size>1 1 1</size></box></geometry></collision>"
 #: Scene files that nobody can use: name, content, words.
 SCENES: dict[str, tuple[str, str, str]] = {
-    "loose body": ("s.sdf", model(BOX, static=False), "body 'm::wall' is loose; must be welded"),
+    "loose body": (
+        "s.sdf",
+        f"<sdf version='1.9'><model name='m'><link name='wall'>{BOX}</link><link name='door'/>"
+        "<joint name='hinge' type='revolute'><parent>wall</parent><child>door</child>"
+        "<axis><xyz>0 0 1</xyz></axis></joint></model></sdf>",
+        "body 'm::door' is loose; must be welded",
+    ),
     "unknown tag": ("s.sdf", model(BOX + "<hue>red</hue>"), "hue"),
     "unknown directive": ("s.dmd.yaml", "directives:\n- add_wall: {name: a}\n", "add_wall"),
     "missing model": (
@@ -336,7 +342,7 @@ SCENES: dict[str, tuple[str, str, str]] = {
     "negative mass": ("s.sdf", model(BOX + "<inertial><mass>-1</mass></inertial>"), "inertia"),
     "empty": ("s.sdf", "", "s.sdf: "),
     "broken": ("s.sdf", "<sdf><model", "s.sdf: "),
-    "no scene at all": ("s.csv", GOOD, "is not a recognized type"),
+    "no scene at all": ("s.csv", GOOD, "not a scene; must be one of *.dmd.yaml, *.sdf"),
     "empty directives": ("s.dmd.yaml", "", "s.dmd.yaml: "),
 }
 

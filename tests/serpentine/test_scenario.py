@@ -23,6 +23,7 @@ description: everything that can be said
 arm: prototype
 path: trajectory_3
 scene: trajectory_4
+decompose_meshes: true
 corner_deviation_in: 0.1
 mounting: pad_below
 mounting_position_m: [0.5, -0.5, 1.0]

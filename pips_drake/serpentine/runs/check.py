@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
-from pips_drake.config import dump_yaml
 from pips_drake.scene.packages import list_names
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs.follow import drive_numbers, plan_numbers, write_plan_figures
+from pips_drake.serpentine.runs.scene_report import report_scene, scenario_text
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import (
@@ -41,6 +41,7 @@ def check(
     out: Path | None = None,
     force: bool = False,
     folder: Path | None = None,
+    scene_file: Path | None = None,
 ) -> Verdict:
     """Plans a scenario's path and judges the plan: limits, clearance, forces and speeds.
 
@@ -52,17 +53,18 @@ def check(
         out: a folder to write; none without it.
         force: replace an earlier result there.
         folder: where the scenario's relative file names start.
+        scene_file: stands for the scenario's scene.
 
     Raises:
         InputError: something that the scenario names cannot be used; nothing is written.
     """
-    setup = load_setup(scenario, folder=folder)
+    setup = load_setup(scenario, folder=folder, scene_file=scene_file)
     if out is None:
         return _check(scenario, setup, name)[0]
     with output_folder(out, force=force) as partial:
-        verdict, plan, clearance = _check(scenario, setup, name)
         pictures = partial / "figures"
         pictures.mkdir()
+        verdict, plan, clearance = _check(scenario, setup, name, figures=pictures)
         write_plan_figures(pictures, plan)
         if clearance:
             clearance_figure(
@@ -75,7 +77,7 @@ def check(
                 own_distance=[own.distance for _, own in clearance],
                 x_axis=("tip travel", "m"),
             )
-        write_whole(partial / "scenario.yaml", dump_yaml(scenario))
+        write_whole(partial / "scenario.yaml", scenario_text(scenario))
         write_summary(partial / "summary.json", verdict.summary)
     return Verdict(failures=verdict.failures, summary=verdict.summary, folder=out)
 
@@ -84,11 +86,17 @@ Clearances = list[tuple[LeastDistance, LeastDistance]]
 
 
 def _check(
-    scenario: SerpentineScenario, setup: SerpentineSetup, name: str
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    name: str,
+    *,
+    figures: Path | None = None,
 ) -> tuple[Verdict, Plan, Clearances]:
+    scene = report_scene(scenario, setup, figures=figures)
     plan = make_plan(setup.arm, setup.path)
     failures = list(plan.failures)
-    summary = plan_numbers(plan) | {
+    summary = plan_numbers(plan) | scene
+    summary |= {
         "scenario": name,
         "scene": scenario.scene or None,
         "rail_shift_m": setup.rail_shift,

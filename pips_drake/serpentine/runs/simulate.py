@@ -23,7 +23,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-from pips_drake.config import dump_yaml
+from pips_drake.errors import NotFollowableError
 from pips_drake.serpentine.drives import drive_columns, effort_columns
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import figures
@@ -36,13 +36,18 @@ from pips_drake.serpentine.runs.pictures import (
     write_run_pictures,
     write_run_replay,
 )
+from pips_drake.serpentine.runs.scene_report import (
+    report_scene,
+    scenario_text,
+    without_lost_target,
+)
 from pips_drake.serpentine.runs.sheet import write_run_sheet
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.recording import Series, write_csv
 from pips_drake.twin.run_figures import clearance_figure, tracking_figure
-from pips_drake.twin.simulation import RunTime, advance
+from pips_drake.twin.simulation import DivergedError, RunTime, advance
 from pips_drake.twin.summary import versions, write_summary
 from pips_drake.twin.verdict import Verdict
 
@@ -81,6 +86,7 @@ def simulate(
     out: Path,
     force: bool = False,
     folder: Path | None = None,
+    scene_file: Path | None = None,
     meshcat: Meshcat | None = None,
 ) -> Verdict:
     """Plans, simulates and judges a scenario, and writes its folder.
@@ -90,21 +96,31 @@ def simulate(
         out: the folder to write; it appears whole or not at all.
         force: replace an earlier result there.
         folder: where the scenario's relative file names start.
+        scene_file: stands for the scenario's scene; a camera whose target it lacks is left out.
         meshcat: shows the run while it goes on.
 
     Raises:
         InputError: something that the scenario names cannot be used; nothing is written.
     """
-    setup = load_setup(scenario, folder=folder)
+    setup = load_setup(scenario, folder=folder, scene_file=scene_file)
+    lost: list[str] = []
+    if scene_file is not None:
+        scenario, lost = without_lost_target(scenario, setup)
     with output_folder(out, force=force) as partial:
+        (partial / "figures").mkdir()
+        scene = report_scene(scenario, setup, figures=partial / "figures")
         plan = make_plan(setup.arm, setup.path)
+        summary, failures = plan_numbers(plan), list(plan.failures)
         if plan.followable:
-            summary, failures = _simulate_into(partial, scenario, setup, plan, name, meshcat)
-        else:
-            summary, failures = plan_numbers(plan), list(plan.failures)
-        (partial / "figures").mkdir(exist_ok=True)
+            # The plan is converged; a scenario's own tolerance and limit act in the run alone.
+            try:
+                summary, failures = _simulate_into(partial, scenario, setup, plan, name, meshcat)
+            except (NotFollowableError, DivergedError) as error:
+                failures = [f"the run was given up: {error}"]
         write_plan_figures(partial / "figures", plan)
-        summary = {"arm": setup.arm.name, "path": setup.path.name} | summary
+        summary = {"arm": setup.arm.name, "path": setup.path.name} | scene | summary
+        if lost:
+            summary["scene_warnings"] = summary.get("scene_warnings", []) + lost
         summary |= {
             "path_version": setup.path.version,
             "rail_shift_m": setup.rail_shift,
@@ -114,7 +130,7 @@ def simulate(
             "failures": failures,
             "versions": versions(),
         }
-        write_whole(partial / "scenario.yaml", dump_yaml(scenario))
+        write_whole(partial / "scenario.yaml", scenario_text(scenario))
         write_summary(partial / "summary.json", summary)
         write_run_sheet(partial, summary, failures, scenario.checks)
     return Verdict(failures=tuple(failures), summary=summary, folder=out)

@@ -1,0 +1,343 @@
+"""Triangle meshes: reading, volume, convex hull, and how far one surface stands out of another.
+
+Distances between surfaces are not sampled but bounded. The distance to a convex set (a triangle, a
+convex part) is a convex function of the point, so over a triangle it is largest at a corner:
+
+    max over x in P of min over C of d(x, C)  <=  min over C of max over corners v of P of d(v, C)
+
+Triangles P whose bound exceeds what was found so far are cut in four, until none does by more than
+the tolerance (branch and bound).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pips_drake.errors import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: How near `excess` comes to the largest distance, m.
+TOLERANCE = 0.5e-3
+#: A mesh is flat when its hull is thinner than this part of its size.
+_THINNEST = 1e-6
+#: Comparisons of a piece with a cell after which `excess` stops and gives its bound.
+_MOST_COMPARISONS = 300_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A surface of triangles.
+
+    Attributes:
+        vertices: (N, 3) m.
+        triangles: rows of `vertices`, counter-clockwise seen from outside, (M, 3).
+    """
+
+    vertices: Array
+    triangles: Indices
+
+    @property
+    def corners(self) -> Array:
+        """The triangles' corners, (M, 3, 3) m."""
+        corners: Array = self.vertices[self.triangles]
+        return corners
+
+    @property
+    def closed(self) -> bool:
+        """Whether it encloses a volume: every edge belongs to two triangles, once either way."""
+        edges = self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        there, count = np.unique(edges, axis=0, return_counts=True)
+        back = np.unique(edges[:, ::-1], axis=0)
+        return bool(len(there) and (count == 1).all() and np.array_equal(there, back))
+
+    @property
+    def volume(self) -> float:
+        """What a closed mesh encloses, m^3."""
+        a, b, c = self.corners.swapaxes(0, 1) - self.vertices.mean(axis=0)
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def read_obj(file: Path, scale: ArrayLike = (1.0, 1.0, 1.0)) -> TriangleMesh:
+    """Reads a Wavefront file; vertices that are equal become one.
+
+    Args:
+        scale: factors along x, y and z, (3,).
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    from pydrake.geometry import ReadObjToTriangleSurfaceMesh
+
+    try:
+        mesh = ReadObjToTriangleSurfaceMesh(file)
+    except RuntimeError as error:
+        raise InputError(f"{file}: {' '.join(str(error).split())}") from None
+    vertices = np.array([mesh.vertex(i) for i in range(mesh.num_vertices())]).reshape(-1, 3)
+    elements = [mesh.element(i) for i in range(mesh.num_triangles())]
+    triangles = np.array([[e.vertex(k) for k in range(3)] for e in elements], dtype=np.int64)
+    if not triangles.size or not 0 <= triangles.min() <= triangles.max() < len(vertices):
+        raise InputError(f"{file}: not a mesh; must have faces of the vertices that it has")
+    factors = np.asarray(scale, dtype=np.float64)
+    if np.prod(factors) < 0.0:  # a mirror turns triangles inside out
+        triangles = triangles[:, ::-1]
+    vertices, merged = np.unique(vertices * factors, axis=0, return_inverse=True)
+    triangles = merged.reshape(-1)[triangles]
+    a, b, c = triangles.T
+    return TriangleMesh(vertices, triangles[(a != b) & (b != c) & (c != a)])
+
+
+def convex_hull(points: ArrayLike) -> TriangleMesh | None:
+    """The convex hull of points (N, 3) m; None if they have no volume: all lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    p = np.asarray(points, dtype=np.float64)
+    centred = p - p.mean(axis=0)
+    size = np.linalg.svd(centred, compute_uv=False) if len(p) > 3 else np.zeros(3)
+    if not size[-1] > _THINNEST * size[0]:
+        return None
+    try:
+        hull = ConvexHull(p)
+    except QhullError:
+        return None
+    triangles = hull.simplices.astype(np.int64)
+    a, b, c = p[triangles].swapaxes(0, 1)
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    triangles[inward] = triangles[inward][:, ::-1]
+    kept = np.unique(triangles)
+    return TriangleMesh(p[kept], np.searchsorted(kept, triangles))
+
+
+def hull_planes(hull: TriangleMesh) -> Array:
+    """Planes n, d of a convex hull's triangles, (M, 4): inside, n . x + d <= 0 (m)."""
+    a, b, c = hull.corners.swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    return np.column_stack([normals, -np.einsum("ij,ij->i", normals, a)])
+
+
+def excess(
+    surface: TriangleMesh,
+    target: TriangleMesh | Sequence[TriangleMesh],
+    *,
+    tolerance: float = TOLERANCE,
+) -> float:
+    """The largest distance of a surface's points from a target, m.
+
+    Args:
+        surface: whose points are meant.
+        target: a mesh, or convex hulls that together are the target. What lies inside a hull or a
+            closed mesh has distance 0.
+        tolerance: how far (m) the result may be below the true one.
+    """
+    if isinstance(target, TriangleMesh):
+        cells, planes, solid = [target.corners[i : i + 1] for i in range(len(target.triangles))], [
+            np.empty((0, 4)) for _ in target.triangles
+        ], target.closed  # fmt: skip
+    else:
+        cells, planes, solid = (
+            [hull.corners for hull in target],
+            [hull_planes(hull) for hull in target],
+            False,
+        )
+    if not cells or not len(surface.triangles):
+        return math.inf if len(surface.triangles) else 0.0
+    triangles, starts = _joined(cells)
+    faces, face_starts = _joined(planes)
+    centres = np.array([cell.reshape(-1, 3).mean(axis=0) for cell in cells])
+    radii = np.array(
+        [
+            np.linalg.norm(cell.reshape(-1, 3) - centre, axis=1).max()
+            for cell, centre in zip(cells, centres, strict=True)
+        ]
+    )
+    pieces, found, done = surface.corners, 0.0, 0
+    while True:
+        done += len(pieces) * len(cells)
+        low, high = _bounds(
+            pieces, triangles, starts, faces, face_starts, centres, radii, solid, found, tolerance
+        )
+        found = max(found, float(low.max()))
+        left = high > found + tolerance
+        if not left.any():
+            return found
+        if done > _MOST_COMPARISONS:
+            return float(high.max())
+        pieces = _quartered(pieces[left])
+
+
+def hull_excess(hull: TriangleMesh, mesh: TriangleMesh, *, tolerance: float = TOLERANCE) -> float:
+    """`excess` of a mesh's convex hull from the mesh, m; faces that the mesh has too cost no time.
+
+    The mesh lies within its hull. So where its triangles in the plane of a face have as much area
+    as the face, they are the face.
+    """
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    planes, hull_areas = hull_planes(hull), _areas(hull.corners)
+    normals, areas = hull_planes(mesh)[:, :3], _areas(mesh.corners)
+    keys = np.round(planes / [1e-6, 1e-6, 1e-6, 1e-6 * size])
+    _, first, face = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    face = face.reshape(-1)
+    shared = np.zeros(len(first), dtype=bool)
+    for number, row in enumerate(first):
+        normal, offset = planes[row, :3], planes[row, 3]
+        flat = (np.abs(mesh.corners @ normal + offset) < 1e-6 * size).all(axis=1)
+        covered = areas[flat & (normals @ normal > 0.99)].sum()
+        shared[number] = covered >= (1.0 - 1e-6) * hull_areas[face == number].sum()
+    free = TriangleMesh(hull.vertices, hull.triangles[~shared[face]])
+    return excess(free, mesh, tolerance=tolerance)
+
+
+def _areas(corners: Array) -> Array:
+    a, b, c = corners.swapaxes(0, 1)
+    areas: Array = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return areas
+
+
+def _joined(arrays: Sequence[Array]) -> tuple[Array, Indices]:
+    """Arrays one after the other, and where each begins and the last ends."""
+    starts = np.cumsum([0, *(len(array) for array in arrays)])
+    return np.concatenate(arrays), starts.astype(np.int64)
+
+
+def _quartered(pieces: Array) -> Array:
+    a, b, c = pieces.swapaxes(0, 1)
+    ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    return np.concatenate([np.stack(part, axis=1) for part in parts])
+
+
+@numba.njit(cache=True)
+def _bounds(
+    pieces, triangles, starts, planes, plane_starts, centres, radii, solid, found, tolerance
+):
+    """Bounds from below and above of the largest distance of each piece's points, (P,) m."""
+    count, cells = pieces.shape[0], centres.shape[0]
+    low, high = np.zeros(count), np.zeros(count)
+    points, nearest = np.empty((4, 3)), np.empty(4)
+    for i in range(count):
+        for axis in range(3):
+            total = 0.0
+            for k in range(3):
+                points[k, axis] = pieces[i, k, axis]
+                total += pieces[i, k, axis]
+            points[3, axis] = total / 3.0
+        radius = 0.0
+        for k in range(3):
+            radius = max(radius, _distance(points, k, points, 3))
+        for k in range(4):
+            nearest[k] = np.inf
+        bound = np.inf
+        for cell in range(cells):
+            # No point of the piece is nearer to the cell than this.
+            if _distance(points, 3, centres, cell) - radii[cell] - radius > bound:
+                continue
+            worst = 0.0
+            for k in range(4):
+                least = np.inf
+                if _within(points, k, planes, plane_starts[cell], plane_starts[cell + 1]):
+                    least = 0.0
+                else:
+                    for j in range(starts[cell], starts[cell + 1]):
+                        least = min(least, _triangle_distance(points, k, triangles, j))
+                nearest[k] = min(nearest[k], least)
+                if k < 3:
+                    worst = max(worst, least)
+            bound = min(bound, worst)
+        # Distance changes by no more than the way walked.
+        bound = min(bound, nearest[3] + radius)
+        if not solid:
+            for k in range(4):
+                low[i] = max(low[i], nearest[k])
+        elif bound > found + tolerance:
+            if _surrounded(points, 3, triangles):
+                bound = min(bound, max(0.0, radius - nearest[3]))
+            else:
+                low[i] = nearest[3]
+        high[i] = bound
+    return low, high
+
+
+@numba.njit(cache=True)
+def _distance(p, i, q, j):
+    """Distance of row i of p from row j of q."""
+    x, y, z = p[i, 0] - q[j, 0], p[i, 1] - q[j, 1], p[i, 2] - q[j, 2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@numba.njit(cache=True)
+def _within(p, i, planes, first, last):
+    """Whether row i of p lies inside the planes from the first to the last; false if none."""
+    for k in range(first, last):
+        height = planes[k, 3]
+        for axis in range(3):
+            height += planes[k, axis] * p[i, axis]
+        if height > 0.0:
+            return False
+    return last > first
+
+
+@numba.njit(cache=True)
+def _triangle_distance(p, i, triangles, j):
+    """Distance of row i of p from triangle j (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
+    for axis in range(3):
+        a, b, c = triangles[j, 0, axis], triangles[j, 1, axis], triangles[j, 2, axis]
+        x = p[i, axis]
+        d1 += (b - a) * (x - a)
+        d2 += (c - a) * (x - a)
+        d3 += (b - a) * (x - b)
+        d4 += (c - a) * (x - b)
+        d5 += (b - a) * (x - c)
+        d6 += (c - a) * (x - c)
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    # The nearest point is a + v (b - a) + w (c - a).
+    if d1 <= 0.0 and d2 <= 0.0:
+        v, w = 0.0, 0.0
+    elif d3 >= 0.0 and d4 <= d3:
+        v, w = 1.0, 0.0
+    elif d6 >= 0.0 and d5 <= d6:
+        v, w = 0.0, 1.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        v, w = d1 / (d1 - d3), 0.0
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        v, w = 0.0, d2 / (d2 - d6)
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        v = 1.0 - w
+    else:
+        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
+    square = 0.0
+    for axis in range(3):
+        a, b, c = triangles[j, 0, axis], triangles[j, 1, axis], triangles[j, 2, axis]
+        square += (p[i, axis] - a - v * (b - a) - w * (c - a)) ** 2
+    return math.sqrt(square)
+
+
+@numba.njit(cache=True)
+def _surrounded(p, i, triangles):
+    """Whether a closed surface goes round row i of p: its solid angles add up to 4 pi."""
+    total = 0.0
+    for j in range(triangles.shape[0]):
+        ax, ay, az = (triangles[j, 0, 0] - p[i, 0], triangles[j, 0, 1] - p[i, 1],
+                      triangles[j, 0, 2] - p[i, 2])  # fmt: skip
+        bx, by, bz = (triangles[j, 1, 0] - p[i, 0], triangles[j, 1, 1] - p[i, 1],
+                      triangles[j, 1, 2] - p[i, 2])  # fmt: skip
+        cx, cy, cz = (triangles[j, 2, 0] - p[i, 0], triangles[j, 2, 1] - p[i, 1],
+                      triangles[j, 2, 2] - p[i, 2])  # fmt: skip
+        a = math.sqrt(ax * ax + ay * ay + az * az)
+        b = math.sqrt(bx * bx + by * by + bz * bz)
+        c = math.sqrt(cx * cx + cy * cy + cz * cz)
+        volume = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+        below = (a * b * c + (ax * bx + ay * by + az * bz) * c + (bx * cx + by * cy + bz * cz) * a
+                 + (cx * ax + cy * ay + cz * az) * b)  # fmt: skip
+        total += 2.0 * math.atan2(volume, below)
+    return total > 2.0 * math.pi
