@@ -108,3 +108,21 @@ def test_an_error_while_it_runs_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="no"):
         simulate(scenario, name="bad", out=tmp_path / "a" / "result")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_is_given_up_fails_and_keeps_its_folder(tmp_path, no_pictures):
+    # Three iterations reach 1e-9 in on the straight base line, not once the arm bends.
+    text = """
+machine: serpentine
+path: trajectory_4_arcs
+solver: {max_iterations: 3}
+motion: {tip_speed_mm_per_s: 100.0, ramp_s: 0.5}
+duration_s: 4.0
+"""
+    verdict = simulate(load(tmp_path, text), name="given_up", out=tmp_path / "run")
+    assert not verdict.passed
+    (failure,) = verdict.failures
+    assert "given up" in failure
+    assert "after 3 iterations" in failure
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["verdict"] == "fail"
+    assert (tmp_path / "run" / "summary.html").is_file()
