@@ -6,6 +6,10 @@ CoACD (Wei et al., SIGGRAPH 2022) does the work; it comes with the extra `meshes
 from __future__ import annotations
 
 import functools
+import importlib.util
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,25 +82,42 @@ def decompose(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
 
 @functools.lru_cache(maxsize=64)  # every diagram of a run needs the same parts
 def _decompose(vertices: bytes, triangles: bytes) -> tuple[TriangleMesh, ...]:
-    import coacd
-
-    coacd.set_log_level("error")
     p = np.frombuffer(vertices).reshape(-1, 3)
     size = float(np.ptp(p, axis=0).max())
-    parts = coacd.run_coacd(
-        coacd.Mesh(p, np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3)),
-        threshold=max(CONCAVITY / size, FINEST),
-        seed=0,
-    )
-    hulls = [convex_hull(part[0]) for part in parts]
+    with tempfile.TemporaryDirectory() as folder:
+        np.save(f"{folder}/vertices.npy", p)
+        np.save(f"{folder}/triangles.npy", np.frombuffer(triangles, np.int64).reshape(-1, 3))
+        threshold = max(CONCAVITY / size, FINEST)
+        # In a process of its own: where CoACD's library is loaded before Drake has read its first
+        # SDF, Drake cannot read any (measured: CoACD 1.0.14, drake 1.58).
+        done = subprocess.run(
+            [sys.executable, "-c", _SCRIPT, folder, repr(threshold)],
+            capture_output=True,
+            check=False,
+        )
+        if done.returncode != 0:
+            said = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
+            raise InputError(f"decompose_meshes: CoACD stopped ({said[-1]})")
+        files = sorted(Path(folder).glob("part_*.npy"))
+        hulls = [convex_hull(np.load(file)) for file in files]
     return tuple(hull for hull in hulls if hull is not None)
 
 
+_SCRIPT = """
+import sys
+import coacd
+import numpy as np
+folder, threshold = sys.argv[1], float(sys.argv[2])
+coacd.set_log_level("error")
+mesh = coacd.Mesh(np.load(f"{folder}/vertices.npy"), np.load(f"{folder}/triangles.npy"))
+for number, part in enumerate(coacd.run_coacd(mesh, threshold=threshold, seed=0)):
+    np.save(f"{folder}/part_{number:04d}.npy", part[0])
+"""
+
+
 def _require_library() -> None:
-    try:
-        import coacd  # noqa: F401
-    except (ImportError, OSError):
+    if importlib.util.find_spec("coacd") is None:
         raise InputError(
             "decompose_meshes: CoACD is missing; install it with the extra `meshes` "
             "(pip install 'pips-drake[meshes]')"
-        ) from None
+        )

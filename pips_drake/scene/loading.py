@@ -202,5 +202,6 @@ def _add_models(plant: MultibodyPlant, file: Path) -> list[ModelInstanceIndex]:
     add_package(parser)
     try:
         return list(parser.AddModels(str(file)))
-    except RuntimeError as error:
+    # drake 1.51 exits where a mesh has faces of vertices that it lacks.
+    except (RuntimeError, SystemExit) as error:
         raise InputError(f"{file}: {' '.join(str(error).split())}") from None

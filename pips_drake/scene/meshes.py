@@ -79,7 +79,7 @@ def read_obj(file: Path, scale: ArrayLike = (1.0, 1.0, 1.0)) -> TriangleMesh:
 
     try:
         mesh = ReadObjToTriangleSurfaceMesh(file)
-    except RuntimeError as error:
+    except (RuntimeError, SystemExit) as error:  # the latter is how drake 1.51 says "bug"
         raise InputError(f"{file}: {' '.join(str(error).split())}") from None
     vertices = np.array([mesh.vertex(i) for i in range(mesh.num_vertices())]).reshape(-1, 3)
     elements = [mesh.element(i) for i in range(mesh.num_triangles())]
