@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
+import subprocess
 from pathlib import Path
 
 # Before anything imports numpy or matplotlib, and inherited by workers and subprocesses. With one
@@ -106,3 +109,47 @@ class Bracket:
 @pytest.fixture
 def bracket() -> Bracket:
     return Bracket()
+
+
+class Browser:
+    """Chromium without a window, which asks nothing of the network, and starts afresh each time."""
+
+    options = (
+        "--headless",
+        "--no-sandbox",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        # Software alone, so that pictures are the same everywhere.
+        "--use-gl=angle",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--virtual-time-budget=10000",
+        "--enable-logging=stderr",
+        "--v=0",
+    )
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._opened = 0
+
+    def open(self, address: str, *options: str) -> tuple[str, list[str]]:
+        """Opens a page for ten seconds of its own time.
+
+        Returns:
+            What chromium prints, and the lines of the page's console. Their severity is lost:
+            chromium logs all of them as INFO.
+        """
+        self._opened += 1
+        profile = self._folder / f"profile_{self._opened}"
+        command = ["chromium", *self.options, f"--user-data-dir={profile}", *options, address]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
+        return done.stdout, re.findall(r"^\[[^]]*:CONSOLE[^]]*\] *(.*)$", done.stderr, re.MULTILINE)
+
+
+@pytest.fixture
+def browser(tmp_path: Path) -> Browser:
+    if shutil.which("chromium") is None:
+        pytest.skip("no chromium to open the page with; see tools/browser.sh")
+    return Browser(tmp_path)

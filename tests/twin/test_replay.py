@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -245,21 +243,12 @@ KEYS = """
 """
 
 
-def open_page(file: Path, script: str, *, fragment: str = "") -> str:
+def open_page(browser: Any, file: Path, script: str, *, fragment: str = "") -> str:
     """The page's document after ten seconds in a browser, with a script added."""
     file.write_text(file.read_text().replace("</body>", script + "</body>"))
-    options = [
-        "--headless",
-        "--no-sandbox",
-        "--use-gl=angle",
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
-        "--virtual-time-budget=10000",
-        f"--user-data-dir={file.parent / 'profile'}",
-        "--dump-dom",
-    ]
-    command = ["chromium", *options, file.as_uri() + fragment]
-    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
+    page, console = browser.open(file.as_uri() + fragment, "--dump-dom")
+    assert console == []
+    return page
 
 
 def said(page: str) -> Any:
@@ -269,18 +258,12 @@ def said(page: str) -> Any:
     return json.loads(html.unescape(found[1]))
 
 
-needs_browser = pytest.mark.skipif(
-    shutil.which("chromium") is None, reason="no chromium to open the page with"
-)
-
-
 @pytest.mark.slow
-@needs_browser
-def test_a_browser_plays_it_at_the_given_speed(tmp_path: Path) -> None:
+def test_a_browser_plays_it_at_the_given_speed(tmp_path: Path, browser: Any) -> None:
     time = np.arange(0.0, 1000.25, 0.25)
     file = tmp_path / "a.html"
     write(file, time=time, positions=0.001 * time[:, None], speed=8.0)
-    page = open_page(file, FRAMES)
+    page = open_page(browser, file, FRAMES)
     frames = np.array(said(page))
     assert np.ptp(frames[:, 0]) > 5.0
     # From the first frame on: what went by while the page loaded is not played.
@@ -289,12 +272,13 @@ def test_a_browser_plays_it_at_the_given_speed(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@needs_browser
-def test_a_browser_opens_it_at_a_time_and_obeys_keys_and_bookmarks(tmp_path: Path) -> None:
+def test_a_browser_opens_it_at_a_time_and_obeys_keys_and_bookmarks(
+    tmp_path: Path, browser: Any
+) -> None:
     time = np.arange(10.0, 1010.25, 0.25)
     file = tmp_path / "a.html"
     write(file, time=time, positions=0.001 * time[:, None], bookmarks=[BOOKMARK])
-    page = open_page(file, KEYS, fragment="#t=93.1&pause")
+    page = open_page(browser, file, KEYS, fragment="#t=93.1&pause")
     opened, stepped, played, jumped, slower = said(page)
     # The page counts from 0, its label from the start of the recording.
     assert opened[:3] == ["t = 93.1 s of 1010.0 s, at 8 x", None, None]

@@ -67,6 +67,59 @@ def test_a_short_run_is_filmed(tmp_path: Path) -> None:
     assert "seen of payload::payload" in (out / "replay.html").read_text()
 
 
+#: A ball where trajectory 4's payload has its middle, in a colour that nothing else has.
+MARKER_RADIUS = 0.1
+BALL = f"<geometry><sphere><radius>{MARKER_RADIUS}</radius></sphere></geometry>"
+MARKER = f"""<sdf version='1.9'><model name='marker'>
+<pose>1.778 -1.8421 5.1537 0 0 0</pose><link name='ball'>
+<collision name='c'>{BALL}</collision><visual name='v'>{BALL}
+<material><diffuse>1 0 1 1</diffuse></material></visual></link></model></sdf>
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.render
+@pytest.mark.timeout(300)
+def test_the_target_is_in_the_middle_of_each_frame_while_the_arm_moves(tmp_path: Path) -> None:
+    """Its place and size by the film's pixels alone, in a scene of nothing else."""
+    av = pytest.importorskip("av")
+    scene, out = tmp_path / "marker.sdf", tmp_path / "out"
+    scene.write_text(MARKER)
+    width, height = 320, 240
+    changes = {
+        "duration_s": 12,
+        "motion.tip_speed_mm_per_s": 40,
+        "actuation.show_uncompensated": "false",
+        "camera.target_body": "marker::ball",
+        "camera.picture_period_s": 1,
+        "camera.width": width,
+        "camera.height": height,
+    }
+    command = [sys.executable, "-m", "pips_drake", "simulate", "trajectory_4"]
+    command += ["--scene", str(scene), "--out", str(out)]
+    for key, value in changes.items():
+        command += ["--set", f"{key}={value}"]
+    done = run(command, capture_output=True, text=True, timeout=280, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    areas = []
+    with av.open(str(out / PICTURES[0])) as container:
+        for frame in container.decode(video=0):
+            assert (frame.width, frame.height) == (width, height)
+            red, green, blue = frame.to_ndarray(format="rgb24").astype(float).transpose(2, 0, 1)
+            y, x = np.nonzero(np.minimum(red, blue) > 1.6 * green + 20.0)
+            assert x.size > 100, f"no ball in frame {len(areas)}"
+            middle = np.array([x.mean() - 0.5 * (width - 1), y.mean() - 0.5 * (height - 1)])
+            assert np.abs(middle).max() < 0.01 * height, f"frame {len(areas)}"
+            areas.append(x.size)
+    # Every second, both ends included; the tip comes nearer, to where it is said to be.
+    assert len(areas) == 1 + 12
+    assert areas[-1] > 1.1 * areas[0]
+    distance = read_summary(out / "summary.json")["camera_target_distance_end_m"]
+    focal_length = 0.5 * height / np.tan(np.radians(25.0))
+    radius = focal_length * MARKER_RADIUS / distance
+    assert np.sqrt(areas[-1] / np.pi) == pytest.approx(radius, rel=0.03)
+
+
 def standing(scenario: object, samples: int = 3) -> tuple[RunData, np.ndarray]:
     """A recorded run in which nothing moves, at home."""
     setup = load_setup(scenario)  # type: ignore[arg-type]
