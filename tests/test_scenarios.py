@@ -89,5 +89,6 @@ def test_the_machine_of_a_scenario_simulates_it(tmp_path: Path, monkeypatch: Any
         out=tmp_path / "result",
         force=True,
         folder=scenarios_directory(),
+        scene_file=None,
         meshcat=None,
     )
