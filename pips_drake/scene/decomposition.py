@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 GROUP, MESH, SCALE = "decomposition", "mesh", "scale"
 
 #: Concavity that CoACD leaves in a part, m, unless that is finer than it can (part of the size).
-CONCAVITY, FINEST = 2e-3, 0.01
+CONCAVITY, FINEST = 2e-3, 0.03
 
 
 def AddConvexParts(
@@ -52,15 +52,15 @@ def AddConvexParts(
                 continue
             file = shape.source().path()
             mesh = read_obj(file, shape.scale3())
-            hull = convex_hull(mesh.vertices)
-            if hull is None or hull_excess(hull, mesh) <= CONCAVITY:
+            parts = decompose(mesh)
+            if len(parts) < 2:
                 continue
             name, X_BG = inspector.GetName(geometry), inspector.GetPoseInFrame(geometry)
             properties = ProximityProperties(inspector.GetProximityProperties(geometry))
             properties.AddProperty(GROUP, MESH, str(file))
             properties.AddProperty(GROUP, SCALE, " ".join(map(repr, shape.scale3().tolist())))
             scene_graph.RemoveRole(source, geometry, Role.kProximity)
-            for number, part in enumerate(decompose(mesh)):
+            for number, part in enumerate(parts):
                 plant.RegisterCollisionGeometry(
                     body,
                     X_BG,
@@ -73,6 +73,8 @@ def AddConvexParts(
 def decompose(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
     """Convex hulls that together are about the mesh; the same mesh gives the same parts.
 
+    Of a mesh that is convex already it is the hull alone, and of a flat one nothing.
+
     Raises:
         InputError: CoACD is not installed.
     """
@@ -83,10 +85,16 @@ def decompose(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
 @functools.lru_cache(maxsize=64)  # every diagram of a run needs the same parts
 def _decompose(vertices: bytes, triangles: bytes) -> tuple[TriangleMesh, ...]:
     p = np.frombuffer(vertices).reshape(-1, 3)
+    rows = np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3)
+    hull = convex_hull(p)
+    if hull is None:
+        return ()
+    if hull_excess(hull, TriangleMesh(p, rows)) <= CONCAVITY:
+        return (hull,)
     size = float(np.ptp(p, axis=0).max())
     with tempfile.TemporaryDirectory() as folder:
         np.save(f"{folder}/vertices.npy", p)
-        np.save(f"{folder}/triangles.npy", np.frombuffer(triangles, np.int64).reshape(-1, 3))
+        np.save(f"{folder}/triangles.npy", rows)
         threshold = max(CONCAVITY / size, FINEST)
         # In a process of its own: where CoACD's library is loaded before Drake has read its first
         # SDF, Drake cannot read any (measured: CoACD 1.0.14, drake 1.58).

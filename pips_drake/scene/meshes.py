@@ -29,8 +29,8 @@ Indices = NDArray[np.int64]
 TOLERANCE = 0.5e-3
 #: A mesh is flat when its hull is thinner than this part of its size.
 _THINNEST = 1e-6
-#: Comparisons of a piece with a cell after which `excess` stops and gives its bound.
-_MOST_COMPARISONS = 300_000_000
+# Pieces looked at before they are put in order again, and distances after which `excess` gives up.
+_BATCH, _MOST_WORK = 2048, 500_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +129,7 @@ def excess(
     target: TriangleMesh | Sequence[TriangleMesh],
     *,
     tolerance: float = TOLERANCE,
+    hollow: bool = False,
 ) -> float:
     """The largest distance of a surface's points from a target, m.
 
@@ -136,18 +137,16 @@ def excess(
         surface: whose points are meant.
         target: a mesh, or convex hulls that together are the target. What lies inside a hull or a
             closed mesh has distance 0.
-        tolerance: how far (m) the result may be below the true one.
+        tolerance: how far (m) the result may be below the true one. Of very fine meshes it is the
+            largest distance that was found in some ten seconds.
+        hollow: a closed mesh is its surface alone.
     """
     if isinstance(target, TriangleMesh):
-        cells, planes, solid = [target.corners[i : i + 1] for i in range(len(target.triangles))], [
-            np.empty((0, 4)) for _ in target.triangles
-        ], target.closed  # fmt: skip
+        corners, solid = target.corners, target.closed and not hollow
+        cells, planes = list(corners[:, None]), [np.empty((0, 4))] * len(corners)
     else:
-        cells, planes, solid = (
-            [hull.corners for hull in target],
-            [hull_planes(hull) for hull in target],
-            False,
-        )
+        cells, solid = [hull.corners for hull in target], False
+        planes = [hull_planes(hull) for hull in target]
     if not cells or not len(surface.triangles):
         return math.inf if len(surface.triangles) else 0.0
     triangles, starts = _joined(cells)
@@ -159,19 +158,30 @@ def excess(
             for cell, centre in zip(cells, centres, strict=True)
         ]
     )
-    pieces, found, done = surface.corners, 0.0, 0
-    while True:
-        done += len(pieces) * len(cells)
-        low, high = _bounds(
-            pieces, triangles, starts, faces, face_starts, centres, radii, solid, found, tolerance
+    pieces, found, work = surface.corners, 0.0, 0
+    bounds = np.full(len(pieces), np.inf)
+    while len(pieces) and work < _MOST_WORK:
+        # The most promising ones first: what they find spares looking at the others.
+        order = np.argsort(-bounds, kind="stable")
+        now, later = order[:_BATCH], order[_BATCH:]
+        low, high, done = _bounds(
+            pieces[now],
+            triangles,
+            starts,
+            faces,
+            face_starts,
+            centres,
+            radii,
+            solid,
+            found,
+            tolerance,
         )
-        found = max(found, float(low.max()))
-        left = high > found + tolerance
-        if not left.any():
-            return found
-        if done > _MOST_COMPARISONS:
-            return float(high.max())
-        pieces = _quartered(pieces[left])
+        found, work = max(found, float(low.max())), work + done
+        cut, kept = now[high > found + tolerance], later[bounds[later] > found + tolerance]
+        children = np.repeat(high[high > found + tolerance], 4)
+        bounds = np.concatenate([children, bounds[kept]])
+        pieces = np.concatenate([_quartered(pieces[cut]), pieces[kept]])
+    return found
 
 
 def hull_excess(hull: TriangleMesh, mesh: TriangleMesh, *, tolerance: float = TOLERANCE) -> float:
@@ -181,19 +191,26 @@ def hull_excess(hull: TriangleMesh, mesh: TriangleMesh, *, tolerance: float = TO
     as the face, they are the face.
     """
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    planes, hull_areas = hull_planes(hull), _areas(hull.corners)
-    normals, areas = hull_planes(mesh)[:, :3], _areas(mesh.corners)
-    keys = np.round(planes / [1e-6, 1e-6, 1e-6, 1e-6 * size])
-    _, first, face = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    face = face.reshape(-1)
-    shared = np.zeros(len(first), dtype=bool)
-    for number, row in enumerate(first):
-        normal, offset = planes[row, :3], planes[row, 3]
-        flat = (np.abs(mesh.corners @ normal + offset) < 1e-6 * size).all(axis=1)
-        covered = areas[flat & (normals @ normal > 0.99)].sum()
-        shared[number] = covered >= (1.0 - 1e-6) * hull_areas[face == number].sum()
+    grid = [1e-6, 1e-6, 1e-6, 1e-6 * size]
+    keys = np.round(np.concatenate([hull_planes(hull), hull_planes(mesh)]) / grid)
+    # Planes that are rounded apart are looked at without need; no harm but time.
+    _, plane = np.unique(keys + 0.0, axis=0, return_inverse=True)
+    face, other = np.split(plane.reshape(-1), [len(hull.triangles)])
+    count = int(plane.max()) + 1
+    whole = np.bincount(face, _areas(hull.corners), count)
+    shared = np.bincount(other, _areas(mesh.corners), count) >= (1.0 - 1e-6) * whole
     free = TriangleMesh(hull.vertices, hull.triangles[~shared[face]])
-    return excess(free, mesh, tolerance=tolerance)
+    # No point of the hull is inside the mesh, so there is no need to find out.
+    return excess(free, mesh, tolerance=tolerance, hollow=True)
+
+
+def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+    """Several surfaces as one."""
+    vertices, starts = _joined([mesh.vertices for mesh in meshes])
+    return TriangleMesh(
+        vertices,
+        np.concatenate([m.triangles + s for m, s in zip(meshes, starts[:-1], strict=True)]),
+    )
 
 
 def _areas(corners: Array) -> Array:
@@ -212,14 +229,16 @@ def _quartered(pieces: Array) -> Array:
     a, b, c = pieces.swapaxes(0, 1)
     ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
     parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return np.concatenate([np.stack(part, axis=1) for part in parts])
+    children = np.stack([np.stack(part, axis=1) for part in parts], axis=1)
+    return children.reshape(-1, 3, 3)
 
 
 @numba.njit(cache=True)
 def _bounds(
     pieces, triangles, starts, planes, plane_starts, centres, radii, solid, found, tolerance
 ):
-    """Bounds from below and above of the largest distance of each piece's points, (P,) m."""
+    """Bounds from below and above of the largest distance of each piece's points, (P,) m; work."""
+    work = 0
     count, cells = pieces.shape[0], centres.shape[0]
     low, high = np.zeros(count), np.zeros(count)
     points, nearest = np.empty((4, 3)), np.empty(4)
@@ -236,18 +255,24 @@ def _bounds(
         for k in range(4):
             nearest[k] = np.inf
         bound = np.inf
+        work += cells // 8
         for cell in range(cells):
             # No point of the piece is nearer to the cell than this.
             if _distance(points, 3, centres, cell) - radii[cell] - radius > bound:
                 continue
             worst = 0.0
             for k in range(4):
-                least = np.inf
-                if _within(points, k, planes, plane_starts[cell], plane_starts[cell + 1]):
+                # A convex part is at least as far as its farthest plane.
+                height = _height(points, k, planes, plane_starts[cell], plane_starts[cell + 1])
+                if height <= 0.0:
                     least = 0.0
+                elif height < np.inf and height > bound:
+                    least = height
                 else:
+                    least = np.inf
                     for j in range(starts[cell], starts[cell + 1]):
                         least = min(least, _triangle_distance(points, k, triangles, j))
+                    work += starts[cell + 1] - starts[cell]
                 nearest[k] = min(nearest[k], least)
                 if k < 3:
                     worst = max(worst, least)
@@ -258,12 +283,13 @@ def _bounds(
             for k in range(4):
                 low[i] = max(low[i], nearest[k])
         elif bound > found + tolerance:
+            work += triangles.shape[0]
             if _surrounded(points, 3, triangles):
                 bound = min(bound, max(0.0, radius - nearest[3]))
             else:
                 low[i] = nearest[3]
         high[i] = bound
-    return low, high
+    return low, high, work
 
 
 @numba.njit(cache=True)
@@ -274,15 +300,15 @@ def _distance(p, i, q, j):
 
 
 @numba.njit(cache=True)
-def _within(p, i, planes, first, last):
-    """Whether row i of p lies inside the planes from the first to the last; false if none."""
+def _height(p, i, planes, first, last):
+    """How high row i of p is above the highest of some planes; infinite if there are none."""
+    highest = -np.inf if last > first else np.inf
     for k in range(first, last):
         height = planes[k, 3]
         for axis in range(3):
             height += planes[k, axis] * p[i, axis]
-        if height > 0.0:
-            return False
-    return last > first
+        highest = max(highest, height)
+    return highest
 
 
 @numba.njit(cache=True)

@@ -22,6 +22,7 @@ from pips_drake.scene.meshes import (
     convex_hull,
     excess,
     hull_excess,
+    joined,
     read_obj,
 )
 
@@ -207,7 +208,7 @@ def _colliding_shapes(
         fit = MeshFit(
             file=Path(file).name,
             parts=len(hulls),
-            larger=max(excess(hull, mesh) for hull in hulls),
+            larger=excess(joined(hulls), mesh),
             missing=excess(mesh, hulls),
             volume_ratio=_ratio(sum(hull.volume for hull in hulls), mesh),
         )
