@@ -14,7 +14,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.scene.packages import find_model_file
 from pips_drake.serpentine import kinematics
-from pips_drake.serpentine.sdf import hard_stops, make_sdf
+from pips_drake.serpentine.links import hard_stops
+from pips_drake.serpentine.sdf import make_sdf
 
 INCH = 0.0254
 DEGREE = np.pi / 180.0
