@@ -4,7 +4,7 @@ Link `rail` is frame {0}, and stands in the world as a mounting says, because MJ
 no way to weld a model later. Joint values are the report's. The drives are position actuators
 whose gains are the drives' stiffness and damping; MuJoCo knows no speed limits, so they are left
 out. `implicitfast` takes the damping implicitly, which at steps below twice the damping time keeps
-the stiff joints stable.
+the stiff joints stable. Drake can read the file too, but not the damping: it has the SDF for that.
 
 Key frame `home` has the arm at home, its drives holding it there. Site `tip` is the tip (the
 last joint's frame).

@@ -61,17 +61,17 @@ def make_urdf(arm: SerpentineArm) -> str:
 def roll_pitch_yaw(rotation: Rotation) -> Array:
     """Angles (3,) rad about the fixed X, then Y, then Z, as URDF's `rpy`.
 
-    Good to the last digits at a pitch of 90 deg too, where an arcsine would lose half of them; the
-    yaw is then 0.
+    Good to the last digits beside a pitch of 90 deg too, where an arcsine, or a roll that is found
+    without the yaw, would lose half of them. At 90 deg the yaw is 0.
     """
     R = rotation.as_matrix()
     level = math.hypot(R[0, 0], R[1, 0])
     pitch = math.atan2(-R[2, 0], level)
-    if level > 1e-12:
-        roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
-    else:
-        # X stands along Z: roll and yaw turn about the same axis.
-        roll, yaw = math.atan2(-R[1, 2], R[1, 1]), 0.0
+    # A level of a few roundings says nothing of the yaw.
+    yaw = math.atan2(R[1, 0], R[0, 0]) if level > 1e-15 else 0.0
+    # What is left when the yaw is undone.
+    sine, cosine = math.sin(yaw), math.cos(yaw)
+    roll = math.atan2(sine * R[0, 2] - cosine * R[1, 2], cosine * R[1, 1] - sine * R[0, 1])
     return np.array([roll, pitch, yaw])
 
 
