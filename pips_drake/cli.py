@@ -6,9 +6,10 @@ kept: it shows where); 2 bad input (one line, nothing written); 130 interrupted.
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import io
 import os
-import signal
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +18,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from pips_drake.command_line import (
+    check_current_directory,
+    complaint_in,
+    interrupt_on_signals,
+)
 from pips_drake.errors import InputError, PipsError
 
 if TYPE_CHECKING:
@@ -26,7 +32,14 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 # Where results cannot be written: no room, no right, or a medium that fails.
-_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EIO}
+_NO_ROOM = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EROFS,
+    errno.EACCES,
+    errno.EIO,
+}
 # What a shell says of a program that wrote to a closed pipe (128 + SIGPIPE).
 PIPE_CLOSED = 141
 
@@ -103,7 +116,9 @@ class Check:
         from pips_drake.serpentine.runs.check import check, scene_of_path
         from pips_drake.serpentine.scenario import SerpentineScenario
 
-        scene, scene_file = find_own_scene(self.scene or scene_of_path(self.path) or "none")
+        scene, scene_file = find_own_scene(
+            self.scene or scene_of_path(self.path) or "none"
+        )
         scenario = SerpentineScenario(
             path=self.path,
             arm=self.arm,
@@ -114,7 +129,9 @@ class Check:
         )
         validate(scenario)
         name = Path(self.path).stem
-        verdict = check(scenario, name=name, out=self.out, force=self.force, scene_file=scene_file)
+        verdict = check(
+            scenario, name=name, out=self.out, force=self.force, scene_file=scene_file
+        )
         return _report(verdict, _CHECK_LINES, own_scene=self.scene is not None)
 
 
@@ -251,18 +268,10 @@ def main(args: Sequence[str] | None = None) -> None:
 def _run(args: Sequence[str] | None) -> int:
     """Parses and runs; returns the exit code."""
     if args is None:
-        # A polite kill cleans up as Ctrl-C does: no half-written folder stays behind.
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        interrupt_on_signals()
     try:
-        command: Any = tyro.cli(
-            Command,
-            prog="pips",
-            description="Digital twin of NASA's PIPS serpentine arm: will it touch anything, and "
-            "can the arm do it?",
-            args=args,
-            use_underscores=True,
-            config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
-        )
+        command = _parse(args)
+        check_current_directory()
         code: int = command.run()
     except InputError as error:
         return _complain(error, BAD_INPUT)
@@ -275,6 +284,30 @@ def _run(args: Sequence[str] | None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted; nothing was written", INTERRUPTED)
     return code
+
+
+def _parse(args: Sequence[str] | None) -> Any:
+    """The command that the words of a command line stand for.
+
+    Raises:
+        InputError: they stand for none.
+    """
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.cli(
+                Command,
+                prog="pips",
+                description="Digital twin of NASA's PIPS serpentine arm: will it touch anything, "
+                "and can the arm do it?",
+                args=args,
+                use_underscores=True,
+                config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
+            )
+    except SystemExit as ended:
+        if ended.code != BAD_INPUT:
+            raise
+    raise InputError(complaint_in(said.getvalue()))
 
 
 def _complain(error: object, code: int) -> int:
@@ -330,7 +363,9 @@ def _report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False)
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
     if summary.get("rail_shift_m"):
         inches = summary["rail_shift_m"] / 0.0254
-        print(f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home")
+        print(
+            f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home"
+        )
     if summary.get("cycle_completed") is False:
         print(f"  (only the first {summary['simulated_s']:g} s of the run)")
     for line in summary.get("scene_placement", ()) if own_scene else ():
@@ -360,7 +395,9 @@ def _parse_overrides(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         key, equals, value = word.partition("=")
         if not (key and equals):
-            raise InputError(f"--set {word}: must be KEY=VALUE, such as motion.dwell_s=2")
+            raise InputError(
+                f"--set {word}: must be KEY=VALUE, such as motion.dwell_s=2"
+            )
         overrides[key] = value
     return overrides
 

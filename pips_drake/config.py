@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import reprlib
 import types
 import typing
 from pathlib import Path
@@ -18,12 +19,21 @@ from typing import Any, TypeVar
 
 import yaml
 
-from pips_drake.errors import InputError, UnknownNameError
+from pips_drake.errors import InputError, UnknownNameError, shorten
 
 T = TypeVar("T")
 
 #: Numbers beyond this are mistakes in any unit of ours, and their squares may overflow.
 LARGEST = 1e12
+#: Longer YAML files (bytes) are refused: the longest shipped one has 6,000, and PyYAML reads about
+#: 100,000 a second.
+LARGEST_YAML = 500_000
+#: Longer files of any kind (bytes) are refused before they fill the memory.
+LARGEST_FILE = 20_000_000
+#: YAML's aliases repeat what they stand for: a few lines can stand for billions of values.
+MOST_VALUES = 100_000
+#: Deeper nesting is none of ours, and readers of YAML call themselves for each level.
+DEEPEST = 50
 
 
 def load_yaml(schema: type[T], file: Path, *, overrides: dict[str, Any] | None = None) -> T:
@@ -41,7 +51,7 @@ def load_yaml(schema: type[T], file: Path, *, overrides: dict[str, Any] | None =
     """
     from pydrake.common.yaml import yaml_load_typed
 
-    text = read_text(file)
+    text = read_text(file, largest=LARGEST_YAML)
     try:
         _check_against(schema, _parse(text), where="")
         loaded: T = yaml_load_typed(schema=schema, data=text)
@@ -64,7 +74,7 @@ def load_plain(file: Path) -> dict[str, Any]:
     Raises:
         InputError: the file cannot be read, is not YAML, or holds no mapping.
     """
-    text = read_text(file)
+    text = read_text(file, largest=LARGEST_YAML)
     try:
         data = _parse(text)
         _require_type(isinstance(data, dict), "", data, "a mapping")
@@ -74,8 +84,11 @@ def load_plain(file: Path) -> dict[str, Any]:
     return mapping
 
 
-def read_text(file: Path) -> str:
+def read_text(file: Path, *, largest: int = LARGEST_FILE) -> str:
     """The text of a UTF-8 file.
+
+    Args:
+        largest: bytes; a longer file is refused.
 
     Raises:
         InputError: says why the file cannot be read.
@@ -84,6 +97,8 @@ def read_text(file: Path) -> str:
         if not file.is_file():  # devices and pipes are none either: reading them may not end
             what = "is a folder, not a file" if file.is_dir() else "no such file"
             raise InputError(f"{file}: {what}")
+        size = file.stat().st_size
+        require(size <= largest, f"{file}: size", f"{size} bytes", f"<= {largest}")
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{file}: not a text file in UTF-8") from None
@@ -122,7 +137,7 @@ def set_by_dotted_key(config: Any, key: str, value: str, *, where: str) -> None:
 def require(condition: bool, name: str, value: object, allowed: str) -> None:
     """Raises `InputError` as "name = value; must be allowed" unless the condition holds."""
     if not condition:
-        raise InputError(f"{name} = {value}; must be {allowed}")
+        raise InputError(f"{name} = {shorten(str(value))}; must be {allowed}")
 
 
 def require_positive(config: object, *names: str) -> None:
@@ -215,6 +230,7 @@ def _parse(text: str) -> Any:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
         if node is None:
             raise InputError("empty; must be a mapping")
+        _refuse_bombs(node)
         _refuse_repeated_keys(node, set())
         data = yaml_load(data=text, private=True)
     except yaml.MarkedYAMLError as error:
@@ -232,6 +248,32 @@ def _parse(text: str) -> Any:
     return data
 
 
+def _refuse_bombs(root: yaml.Node) -> None:
+    """Refuses nesting that is deep or endless, and aliases that stand for too many values."""
+    values: dict[int, int] = {}  # by node: how many values it stands for
+
+    def count(node: yaml.Node, depth: int) -> int:
+        line = node.start_mark.line + 1
+        if depth > DEEPEST:
+            raise InputError(f"line {line}: nested too deeply; must be at most {DEEPEST} levels")
+        if id(node) in values:
+            if values[id(node)] == 0:  # still being counted
+                raise InputError(f"line {line}: contains itself")
+            return values[id(node)]
+        values[id(node)] = 0
+        total = 1
+        if not isinstance(node, yaml.ScalarNode):
+            for item in node.value:
+                for part in item if isinstance(item, tuple) else (item,):
+                    total += count(part, depth + 1)
+        if total > MOST_VALUES:
+            raise InputError(f"line {line}: stands for over {MOST_VALUES} values")
+        values[id(node)] = total
+        return total
+
+    count(root, 0)
+
+
 def _refuse_repeated_keys(node: yaml.Node, seen: set[int]) -> None:
     """YAML forbids a key twice in a mapping; PyYAML lets the last one win."""
     if id(node) in seen:  # an alias: already looked at, and it may contain itself
@@ -244,7 +286,8 @@ def _refuse_repeated_keys(node: yaml.Node, seen: set[int]) -> None:
             if isinstance(key, yaml.ScalarNode):
                 if key.value in lines:
                     first = lines[key.value]
-                    raise InputError(f"line {line}: key '{key.value}' repeats line {first}'s")
+                    name = shorten(key.value)
+                    raise InputError(f"line {line}: key '{name}' repeats line {first}'s")
                 lines[key.value] = line
             _refuse_repeated_keys(item, seen)
     elif isinstance(node, yaml.SequenceNode):
@@ -311,12 +354,11 @@ _SCALARS = {
 
 def _require_type(condition: bool, where: str, value: Any, allowed: str) -> None:
     if not condition:
-        shown = "null" if value is None else repr(value)
-        shown = shown if len(shown) <= 60 else shown[:57] + "..."
+        # reprlib's stops where repr's would not: lists may contain themselves, thousands of times.
+        shown = "null" if value is None else reprlib.repr(value)
         raise InputError(f"{where or 'the file'} = {shown}; must be {allowed}")
 
 
 def _first_line(error: Exception) -> str:
     """The exception's message on one line."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return " ".join(lines) or type(error).__name__
+    return shorten(" ".join(str(error).split()), 400) or type(error).__name__

@@ -11,6 +11,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
+#: Longer texts are cut short where a message quotes them.
+LONGEST_QUOTE = 100
+
 
 class PipsError(Exception):
     """Base class of all errors raised on purpose."""
@@ -33,9 +36,17 @@ class UnknownNameError(InputError):
         self.kind = kind
         self.name = name
         self.known = sorted(known)
-        close = difflib.get_close_matches(name, self.known, n=1)
+        shown = shorten(name)
+        close = difflib.get_close_matches(shown, self.known, n=1)
         hint = f" (did you mean '{close[0]}'?)" if close else ""
-        super().__init__(f"unknown {kind} '{name}'{hint}; known: {', '.join(self.known) or 'none'}")
+        super().__init__(
+            f"unknown {kind} '{shown}'{hint}; known: {', '.join(self.known) or 'none'}"
+        )
+
+
+def shorten(text: str, longest: int = LONGEST_QUOTE) -> str:
+    """The text, cut to what a message can quote."""
+    return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 class NotFollowableError(PipsError):

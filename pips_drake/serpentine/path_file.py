@@ -7,14 +7,14 @@ is the base end of the straight line, row 2 the home tip (FTL-95 Appendix C). Li
 
 import csv
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.config import load_yaml, read_text, require
-from pips_drake.errors import InputError
+from pips_drake.errors import InputError, shorten
 from pips_drake.scene.packages import find_path_file
 from pips_drake.serpentine.tip_path import PathBuilder, TipPath, blended_path, polyline_path
 from pips_drake.units import LENGTH_UNITS
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 #: Coordinates, lengths and radii beyond this (m) are mistakes: the arm is 4 m long.
 LARGEST = 1000.0
+#: Rows and pieces: more would take hours and fill the memory.
+MOST_ROWS = 20_000
 
 
 @dataclass
@@ -53,21 +55,28 @@ class PathFile:
     pieces: list[PieceConfig] = field(default_factory=list)
 
     def validate(self) -> None:
-        if self.unit not in LENGTH_UNITS:
-            raise InputError(f"unit = '{self.unit}'; must be one of {', '.join(LENGTH_UNITS)}")
+        known = f"one of {', '.join(LENGTH_UNITS)}"
+        require(self.unit in LENGTH_UNITS, "unit", f"'{shorten(self.unit)}'", known)
         for name in ("start", "direction"):
-            if len(getattr(self, name)) != 3:
-                raise InputError(f"{name} = {getattr(self, name)}; must be three numbers")
+            value = getattr(self, name)
+            require(len(value) == 3, name, value, "three numbers")
         if not self.pieces or self.pieces[0].line is None:
             raise InputError("pieces: the first must be the line from the base to the home tip")
+        most = len(self.pieces) <= MOST_ROWS
+        require(most, "number of pieces", len(self.pieces), f"<= {MOST_ROWS}")
         largest = LARGEST / LENGTH_UNITS[self.unit]
         for value in self.start:
             require(abs(value) <= largest, "start", value, f"within +-{largest:.6g} {self.unit}")
         for index, piece in enumerate(self.pieces):
+            where = f"pieces[{index}]"
             for name in ("line", "arc"):
-                value = getattr(piece, name) or 0.0
-                allowed = f"<= {largest:.6g} {self.unit}"
-                require(value <= largest, f"pieces[{index}].{name}", value, allowed)
+                value, allowed = getattr(piece, name), f"> 0 and <= {largest:.6g} {self.unit}"
+                good = value is None or 0.0 < value <= largest
+                require(good, f"{where}.{name}", value, allowed)
+            angle, toward = piece.angle_deg, piece.toward
+            good = angle is None or 0.0 < angle <= 360.0
+            require(good, f"{where}.angle_deg", angle, "> 0 and <= 360")
+            require(toward is None or len(toward) == 3, f"{where}.toward", toward, "three numbers")
 
 
 def load_path(
@@ -89,10 +98,12 @@ def load_path(
     points = read_points(file)
     try:
         if smooth:
-            return blended_path(points, file.stem, corner_deviation=corner_deviation)
-        return polyline_path(points, file.stem)
+            path = blended_path(points, file.stem, corner_deviation=corner_deviation)
+        else:
+            path = polyline_path(points, file.stem)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
+    return replace(path, source=str(file))
 
 
 def read_points(file: Path) -> Array:
@@ -112,6 +123,7 @@ def read_points(file: Path) -> Array:
         header, *rows = csv.reader(lines, strict=True)
     except csv.Error as error:
         raise InputError(f"{file}: not a CSV table ({error})") from None
+    require(len(rows) <= MOST_ROWS, f"{file}: number of rows", len(rows), f"<= {MOST_ROWS}")
     unit = _length_unit(file, [column.strip() for column in header])
     scale = LENGTH_UNITS[unit]
     points = np.array(
@@ -132,7 +144,8 @@ def _length_unit(file: Path, header: list[str]) -> str:
         if header == [f"{axis}_{unit}" for axis in "xyz"]:
             return unit
     allowed = " or ".join(",".join(f"{axis}_{unit}" for axis in "xyz") for unit in LENGTH_UNITS)
-    raise InputError(f"{file}: header '{','.join(header)}' names no unit; must be {allowed}")
+    shown = shorten(",".join(header))
+    raise InputError(f"{file}: header '{shown}' names no unit; must be {allowed}")
 
 
 def _read_row(file: Path, number: int, row: list[str], unit: str) -> list[float]:
@@ -140,17 +153,15 @@ def _read_row(file: Path, number: int, row: list[str], unit: str) -> list[float]
         raise InputError(f"{file}: row {number} has {len(row)} values; must be 3 (x, y, z)")
     values, largest = [], LARGEST / LENGTH_UNITS[unit]
     for axis, word in zip("xyz", row, strict=True):
+        where, shown = f"{file}: row {number}, {axis}", shorten(word.strip())
         try:
+            if "_" in word:  # which is a number to Python alone
+                raise ValueError
             value = float(word)
         except ValueError:
-            raise InputError(f"{file}: row {number}, {axis} = '{word}'; must be a number") from None
-        if not math.isfinite(value):
-            raise InputError(f"{file}: row {number}, {axis} = {word.strip()}; must be finite")
-        if abs(value) > largest:
-            raise InputError(
-                f"{file}: row {number}, {axis} = {word.strip()}; must be within "
-                f"+-{largest:.6g} {unit}"
-            )
+            raise InputError(f"{where} = '{shown}'; must be a number") from None
+        require(math.isfinite(value), where, shown, "finite")
+        require(abs(value) <= largest, where, shown, f"within +-{largest:.6g} {unit}")
         values.append(value)
     return values
 
@@ -159,8 +170,10 @@ def _read_pieces(file: Path) -> TipPath:
     config = load_yaml(PathFile, file)
     scale = LENGTH_UNITS[config.unit]
     try:
+        where = str(file)
         builder = PathBuilder(start=np.array(config.start) * scale, direction=config.direction)
-        for piece in config.pieces:
+        for index, piece in enumerate(config.pieces):
+            where = f"{file}: pieces[{index}]"
             if piece.line is not None:
                 builder.line(piece.line * scale)
             elif piece.arc is not None and piece.angle_deg is not None:
@@ -169,6 +182,6 @@ def _read_pieces(file: Path) -> TipPath:
                     angle=math.radians(piece.angle_deg),
                     toward=np.array(piece.toward),
                 )
-        return builder.build(file.stem)
+        return replace(builder.build(file.stem), source=str(file))
     except InputError as error:
-        raise InputError(f"{file}: {error}") from None
+        raise InputError(f"{where}: {error}") from None

@@ -128,7 +128,7 @@ def check_start(arm: SerpentineArm, path: TipPath) -> None:
         aside = float(np.linalg.norm(off - (off @ direction) * direction))
         if aside > BASE_LINE_TOLERANCE:
             raise InputError(
-                f"path '{path.name}': row {row} is {aside / INCH:.3f} in off the base line of arm "
+                f"{path.label}: row {row} is {aside / INCH:.3f} in off the base line of arm "
                 f"'{arm.name}' (through {in_inches(tip)} along {_vector(direction)}); "
                 f"must be within {BASE_LINE_TOLERANCE / INCH:g} in"
             )
@@ -138,14 +138,12 @@ def check_start(arm: SerpentineArm, path: TipPath) -> None:
     if not lower - HOME_SLACK <= d1 <= upper + HOME_SLACK:
         home_tip = in_inches(path.point(path.home_arc_length))
         raise InputError(
-            f"path '{path.name}': the home tip (row 2) at {home_tip}"
+            f"{path.label}: the home tip (row 2) at {home_tip}"
             f" needs d1 = {d1 / INCH:.3f} in; must be {lower / INCH:.3f} .. {upper / INCH:.3f} in, "
             f"so move it {(lower - d1) / INCH:+.3f} .. {(upper - d1) / INCH:+.3f} in along z0"
         )
     if path.travel <= 0.0:
-        raise InputError(
-            f"path '{path.name}': ends at the home tip; must have a point beyond row 2"
-        )
+        raise InputError(f"{path.label}: ends at the home tip; must have a point beyond row 2")
 
 
 def tip_samples(path: TipPath, step: float) -> Array:
@@ -156,7 +154,7 @@ def tip_samples(path: TipPath, step: float) -> Array:
     """
     if not path.travel / MOST_TIP_POSITIONS < step:
         raise InputError(
-            f"path '{path.name}': {path.travel / INCH:.6g} in of tip travel in steps of "
+            f"{path.label}: {path.travel / INCH:.6g} in of tip travel in steps of "
             f"{step / INCH:.3g} in; must be at most {MOST_TIP_POSITIONS} steps"
         )
     return path.samples(step)

@@ -49,6 +49,7 @@ class TipPath:
         marks: arc lengths of the points that the path was made of, from home on, (R,) m.
         deviation: largest distance between the path and the polyline of the points it was made of,
             m; 0 for a polyline, and for a path that was built from lines and arcs.
+        source: the file it was read from; empty if none.
     """
 
     name: str
@@ -56,6 +57,12 @@ class TipPath:
     home_arc_length: float
     marks: Array
     deviation: float = 0.0
+    source: str = ""
+
+    @property
+    def label(self) -> str:
+        """What a message about unusable input calls it: its file, or else its name."""
+        return self.source or f"path '{self.name}'"
 
     @property
     def length(self) -> float:

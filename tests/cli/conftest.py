@@ -26,6 +26,28 @@ class Outcome:
     err: str
 
 
+#: A message fits on a few lines of a terminal, whatever the input.
+LONGEST_MESSAGE = 600
+
+
+@pytest.fixture(scope="session")
+def assert_refused() -> Callable[..., None]:
+    """Fails unless a command refused its input: exit 2, one line with these words, no traces."""
+
+    def check(outcome: Outcome, folder: Path, before: set[str], *words: str) -> None:
+        assert outcome.code == 2, outcome
+        assert outcome.out == ""
+        assert outcome.err.startswith("pips: ")
+        assert outcome.err.count("\n") == 1 and outcome.err.endswith("\n")
+        assert len(outcome.err) <= LONGEST_MESSAGE
+        for word in words:
+            assert word in outcome.err
+        assert "Traceback" not in outcome.err
+        assert {entry.name for entry in folder.iterdir()} == before, "something was left"
+
+    return check
+
+
 def environment() -> dict[str, str]:
     """This process's, with the package found from any folder, installed or not."""
     paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]

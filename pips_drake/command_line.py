@@ -1,0 +1,74 @@
+"""What stands around every command: signals, the current directory, the parser's complaints."""
+
+from __future__ import annotations
+
+import re
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+from pips_drake.errors import InputError
+
+
+def interrupt_on_signals() -> None:
+    """Makes every polite way to stop the program an interrupt that cleans up and is never lost."""
+    # A kill, and a terminal that is closed, clean up as Ctrl-C does: no half-written folder stays
+    # behind. Under nohup the latter is ignored, and stays so.
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
+    # An exception raised in a callback from C (numba's compiler has many) goes no farther than the
+    # callback: Python reports it to this hook and carries on. So the interrupt comes once more.
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    report = sys.unraisablehook
+
+    def interrupt_again(unraisable: Any) -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            report(unraisable)
+            return
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
+
+    sys.unraisablehook = interrupt_again
+
+
+def check_current_directory() -> None:
+    """Refuses to work in a directory that is gone: no relative name means anything there.
+
+    Raises:
+        InputError: says why.
+    """
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise InputError(
+            f"the current directory cannot be used ({error.strerror}); go to another"
+        ) from None
+
+
+#: What Python says of text that is no number, and what is allowed instead.
+_NUMBERS = {
+    r"could not convert string to float: (.+?)$": "a number",
+    r"invalid literal for int\(\) with base 10: (.+?)$": "a whole number",
+}
+
+
+def complaint_in(box: str) -> str:
+    """tyro's box of several lines as one line: what is wrong, and where the help is."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
+    lines = [line.strip("│ ") for line in plain.splitlines() if not line.startswith(("╭", "╰"))]
+    # Rules divide what is wrong, help on the option, and where there is more help.
+    parts = [" ".join(part.split()) for part in re.split(r"\n?─{3,}\n?", "\n".join(lines))]
+    where = re.search(r"pips [\w ]*--help", parts[-1])
+    wrong = parts[0]
+    if wrong.startswith("Missing from "):  # then comes the option, and then its help
+        missing = [line for line in lines if line][:2]
+        wrong = f"{missing[0].removeprefix('Missing from pips ')} {missing[1]} is missing"
+    option = re.match(r"Error parsing (-\S+):", wrong)
+    for pattern, allowed in _NUMBERS.items():
+        number = re.search(pattern, wrong)
+        if option and number:
+            wrong = f"{option[1]} {number[1]}: must be {allowed}"
+    if len(parts) > 2 and parts[1].startswith("Available subcommands"):
+        wrong += f"; known: {parts[1].partition(': ')[2]}"
+    return f"{wrong.rstrip('.')}; see {where[0] if where else 'pips --help'}"
