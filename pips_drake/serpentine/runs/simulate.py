@@ -65,6 +65,21 @@ _LOGGED = (
 
 
 @dataclass(frozen=True, kw_only=True)
+class RunDiagram:
+    """A station with logs around it, not yet simulated.
+
+    Attributes:
+        logs: by the names of the station's ports.
+        duration: from start to end, s.
+    """
+
+    diagram: Diagram
+    station: Diagram
+    logs: dict[str, VectorLogSink]
+    duration: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """A finished run: the station, what it recorded, and how long it took.
 
@@ -136,20 +151,25 @@ def simulate(
     return Verdict(failures=tuple(failures), summary=summary, folder=out)
 
 
-def run_station(
+def commanded_port(scenario: SerpentineScenario) -> str:
+    """The station's port whose joints the drives follow."""
+    return (
+        "camera_pointer.joint_state" if scenario.camera.enabled else "follow_the_leader.joint_state"
+    )
+
+
+def make_run_diagram(
     scenario: SerpentineScenario,
     setup: SerpentineSetup,
     *,
     meshcat: Meshcat | None = None,
     lcm: DrakeLcm | None = None,
-    label: str = "simulating",
-) -> Run:
-    """Builds a scenario's station with logs around it, and runs it from start to end.
+) -> RunDiagram:
+    """Builds a scenario's station with logs around it.
 
     Args:
         meshcat: shows the run while it goes on.
         lcm: where Meldis is told of it; Drake's default address without it.
-        label: of the progress bar.
     """
     station = MakeSerpentineStation(scenario, setup=setup)
     builder = DiagramBuilder()
@@ -157,7 +177,6 @@ def run_station(
     period = 1.0 / scenario.clocks.record_hz
     logs: dict[str, VectorLogSink] = {}
     camera = ("camera_pointer.joint_state", "camera_pointer.pan_tilt")
-    commanded = camera[0] if scenario.camera.enabled else "follow_the_leader.joint_state"
     for port in _LOGGED + (camera if scenario.camera.enabled else ()):
         logs[port] = LogVectorOutput(station.GetOutputPort(port), builder, period)
         logs[port].set_name(f"log.{port}")
@@ -172,14 +191,31 @@ def run_station(
         )
     diagram = builder.Build()
     diagram.set_name("serpentine_run")
-    simulator = Simulator(diagram)
-    source = station.GetSubsystemByName("tip_path_source")
-    duration = source.duration + scenario.motion.settle_s
+    duration = station.GetSubsystemByName("tip_path_source").duration + scenario.motion.settle_s
     if scenario.duration_s > 0.0:
         duration = min(duration, scenario.duration_s)
-    run_time = advance(simulator, duration, label=label)
+    return RunDiagram(diagram=diagram, station=station, logs=logs, duration=duration)
+
+
+def run_station(
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    *,
+    meshcat: Meshcat | None = None,
+    lcm: DrakeLcm | None = None,
+    label: str = "simulating",
+) -> Run:
+    """Runs a scenario's station (`make_run_diagram`) from start to end.
+
+    Args:
+        label: of the progress bar.
+    """
+    built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm)
+    station = built.station
+    simulator = Simulator(built.diagram)
+    run_time = advance(simulator, built.duration, label=label)
     context = simulator.get_context()
-    recorded = {port: log.FindLog(context) for port, log in logs.items()}
+    recorded = {port: log.FindLog(context) for port, log in built.logs.items()}
     monitor = station.GetSubsystemByName("clearance_monitor")
     rows = {port: log.data().T for port, log in recorded.items()}
     joints = setup.arm.joints
@@ -188,7 +224,7 @@ def run_station(
     data = RunData(
         time=recorded["plant.state"].sample_times(),
         tip_arc_lengths=rows["tip_path_source.tip"][:, 0],
-        commanded_joints=rows[commanded][:, :joints],
+        commanded_joints=rows[commanded_port(scenario)][:, :joints],
         joints=rows["plant.state"][:, :joints],
         joint_rates=rows["plant.state"][:, joints:],
         joint_efforts=efforts,
@@ -199,7 +235,7 @@ def run_station(
         solution=rows["follow_the_leader.solution"],
     )
     return Run(
-        diagram=diagram,
+        diagram=built.diagram,
         station=station,
         data=data,
         run_time=run_time,
