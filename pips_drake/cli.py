@@ -32,14 +32,7 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 # Where results cannot be written: no room, no right, or a medium that fails.
-_NO_ROOM = {
-    errno.ENOSPC,
-    errno.EDQUOT,
-    errno.EFBIG,
-    errno.EROFS,
-    errno.EACCES,
-    errno.EIO,
-}
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EIO}
 # What a shell says of a program that wrote to a closed pipe (128 + SIGPIPE).
 PIPE_CLOSED = 141
 
@@ -116,9 +109,7 @@ class Check:
         from pips_drake.serpentine.runs.check import check, scene_of_path
         from pips_drake.serpentine.scenario import SerpentineScenario
 
-        scene, scene_file = find_own_scene(
-            self.scene or scene_of_path(self.path) or "none"
-        )
+        scene, scene_file = find_own_scene(self.scene or scene_of_path(self.path) or "none")
         scenario = SerpentineScenario(
             path=self.path,
             arm=self.arm,
@@ -129,9 +120,7 @@ class Check:
         )
         validate(scenario)
         name = Path(self.path).stem
-        verdict = check(
-            scenario, name=name, out=self.out, force=self.force, scene_file=scene_file
-        )
+        verdict = check(scenario, name=name, out=self.out, force=self.force, scene_file=scene_file)
         return _report(verdict, _CHECK_LINES, own_scene=self.scene is not None)
 
 
@@ -213,29 +202,36 @@ class List:
 
 @dataclass(kw_only=True)
 class Export:
-    """Write an arm as SDF, generated from its arm file."""
+    """Write an arm as SDF, URDF or MJCF, generated from its arm file."""
 
     arm: Annotated[tyro.conf.Positional[str], _word("ARM")]
     """A shipped arm, or an arm file."""
+    format: Annotated[str | None, _word("WORD")] = None
+    """sdf, urdf or mjcf (MuJoCo). Without it, what the suffix of --out says; else sdf."""
+    mounting: Annotated[str | None, _word("NAME")] = None
+    """laboratory, pad or pad_below: how the arm's base stands in an MJCF; laboratory by default. In
+    the other formats, whoever loads the file says where it stands."""
     out: Annotated[Path | None, _word("FILE")] = None
-    """File to write; ARM.sdf in the current folder by default."""
+    """File to write; ARM.sdf, ARM.urdf or ARM.xml (MJCF) in the current folder by default."""
     force: bool = False
     """Replace an existing file."""
 
     def run(self) -> int:
         from pips_drake.serpentine.arm import load_arm
-        from pips_drake.serpentine.sdf import make_sdf
+        from pips_drake.serpentine.export import choose_format, make_export
         from pips_drake.twin.output_folder import write_whole
 
+        kind = choose_format(self.format, self.out)
         arm = load_arm(self.arm)
-        file = self.out or Path(f"{arm.name}.sdf")
+        text = make_export(arm, kind, mounting=self.mounting)
+        file = self.out or Path(f"{arm.name}{kind.value}")
         if file.exists() and not self.force:
             raise InputError(f"{file} exists; use --force to replace it")
         if file.is_dir():
             raise InputError(f"{file}: is a folder; must be a file")
         if not file.parent.is_dir():
             raise InputError(f"{file.parent}: no such folder")
-        write_whole(file, make_sdf(arm))
+        write_whole(file, text)
         print(file)
         return DONE
 
@@ -363,9 +359,7 @@ def _report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False)
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
     if summary.get("rail_shift_m"):
         inches = summary["rail_shift_m"] / 0.0254
-        print(
-            f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home"
-        )
+        print(f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home")
     if summary.get("cycle_completed") is False:
         print(f"  (only the first {summary['simulated_s']:g} s of the run)")
     for line in summary.get("scene_placement", ()) if own_scene else ():
@@ -395,9 +389,7 @@ def _parse_overrides(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         key, equals, value = word.partition("=")
         if not (key and equals):
-            raise InputError(
-                f"--set {word}: must be KEY=VALUE, such as motion.dwell_s=2"
-            )
+            raise InputError(f"--set {word}: must be KEY=VALUE, such as motion.dwell_s=2")
         overrides[key] = value
     return overrides
 

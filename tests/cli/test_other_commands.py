@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -217,6 +218,57 @@ def test_export_writes_the_committed_model(pips, tmp_path):
     assert again.code == 2
     assert again.err == "pips: prototype.sdf exists; use --force to replace it\n"
     assert pips("export", "prototype", "--force", cwd=tmp_path).code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "file", "kind"),
+    [
+        (("--format", "urdf"), "pcr_concept.urdf", "robot"),
+        (("--format", "mjcf"), "pcr_concept.xml", "mujoco"),
+        (("--out", "arm.xml", "--mounting", "pad"), "arm.xml", "mujoco"),
+        (("--out", "arm.urdf"), "arm.urdf", "robot"),
+        (("--out", "arm", "--format", "mjcf"), "arm", "mujoco"),
+    ],
+)
+def test_export_writes_what_other_programs_read(pips_here, tmp_path, words, file, kind):
+    outcome = pips_here("export", "pcr_concept", *words)
+    assert (outcome.code, outcome.out, outcome.err) == (0, f"{file}\n", "")
+    assert [entry.name for entry in tmp_path.iterdir()] == [file]
+    root = ElementTree.parse(tmp_path / file).getroot()
+    assert root.tag == kind
+    assert "pcr_concept" in root.attrib.values()
+    again = pips_here("export", "pcr_concept", *words)
+    assert (again.code, again.err) == (2, f"pips: {file} exists; use --force to replace it\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("--format usd", "unknown format 'usd' (did you mean 'sdf'?); known: mjcf, sdf, urdf"),
+        ("--out a.txt", "a.txt: must end in one of .sdf, .urdf, .xml, or --format say which"),
+        ("--format mjcf --out a.urdf", "a.urdf: is not how mjcf files end (.xml)"),
+        ("--format mjcf --mounting up", "unknown mounting 'up'; known: laboratory, pad, pad_below"),
+        (
+            "--mounting pad",
+            "--mounting pad: is for mjcf alone; whoever loads sdf says where the arm stands",
+        ),
+        ("--format mjcf --out .", ".: is a folder; must be a file"),
+    ],
+)
+def test_export_refuses_what_it_cannot_write(pips_here, tmp_path, words, complaint):
+    outcome = pips_here("export", "prototype", *words.split(), "--force")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err == f"pips: {complaint}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", [".sdf", ".urdf", ".xml"])
+def test_an_export_can_be_viewed(pips, pips_here, tmp_path, suffix):
+    file = f"mine{suffix}"
+    assert pips_here("export", "prototype", "--out", file).code == 0
+    outcome = pips("view", file, "--once", cwd=tmp_path)
+    assert outcome.code == 0, outcome.err
+    assert "Traceback" not in outcome.err and "error" not in outcome.err
 
 
 def test_view_loads_and_shows_a_model_once(pips, tmp_path):
