@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,15 +41,27 @@ GOING_BACK = 1e-6
 POINTS_PER_LINK = 65
 
 
+class PlanFailure(NamedTuple):
+    """Why the arm cannot follow a path: a sentence, and where the tip is first, m of arc length."""
+
+    sentence: str
+    tip_arc_length: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Postures along a path. `failures` is empty if and only if the arm can follow it."""
+    """Postures along a path. `failures` is empty if and only if the arm can follow it.
+
+    They are sorted by where the tip stands.
+    `first_failing_tip` is where the tip stands when something fails first, m of arc length.
+    """
 
     arm: SerpentineArm
     path: TipPath
     solver: FollowTheLeader
     solution: Solution
     failures: tuple[str, ...]
+    first_failing_tip: float | None = None
 
     @property
     def followable(self) -> bool:
@@ -110,7 +123,15 @@ def make_plan(
     if not failures:
         failures = _solution_failures(path, fine_solver, fine)
     failures += fold_failures(arm, path, fine) + limit_failures(arm, path, fine)
-    return Plan(arm=arm, path=path, solver=solver, solution=solution, failures=tuple(failures))
+    failures.sort(key=lambda failure: failure.tip_arc_length)
+    return Plan(
+        arm=arm,
+        path=path,
+        solver=solver,
+        solution=solution,
+        failures=tuple(failure.sentence for failure in failures),
+        first_failing_tip=failures[0].tip_arc_length if failures else None,
+    )
 
 
 def check_start(arm: SerpentineArm, path: TipPath) -> None:
@@ -166,11 +187,11 @@ def joint_margins(arm: SerpentineArm, joints: ArrayLike) -> Array:
     return np.minimum(q - arm.joint_lower, arm.joint_upper - q)
 
 
-def limit_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> list[str]:
+def limit_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> list[PlanFailure]:
     """One sentence for each joint that leaves its limits: where first, where worst, how much."""
     margins = joint_margins(arm, solution.joints)
     margins[0, 0] += HOME_SLACK  # the table's own rounding, at home alone
-    sentences = []
+    found = []
     for j, name in enumerate(arm.joint_names):
         beyond = np.flatnonzero(margins[:, j] < -LIMIT_TOLERANCE)
         if beyond.size == 0:
@@ -178,17 +199,18 @@ def limit_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> lis
         unit, word = (INCH, "in") if arm.is_prismatic[j] else (DEGREE, "deg")
         worst = beyond[np.argmin(margins[beyond, j])]
         first, s = beyond[0], solution.tip_arc_lengths
-        sentences.append(
+        sentence = (
             f"joint {name} leaves its limits {arm.joint_lower[j] / unit:.3f} .. "
             f"{arm.joint_upper[j] / unit:.3f} {word}: first with the tip at {s[first]:.4f} m of "
             f"path '{path.name}' {in_inches(path.point(s[first]))}, worst "
             f"{solution.joints[worst, j] / unit:.3f} {word} at {s[worst]:.4f} m, "
             f"{-margins[worst, j] / unit:.3f} {word} too far"
         )
-    return sentences
+        found.append(PlanFailure(sentence, float(s[first])))
+    return found
 
 
-def fold_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> list[str]:
+def fold_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> list[PlanFailure]:
     """A sentence if a spine point goes back on the path while the tip goes on.
 
     It does so when the path turns back inside a module's sphere: the module would span the fold
@@ -203,11 +225,12 @@ def fold_failures(arm: SerpentineArm, path: TipPath, solution: Solution) -> list
     row = back[0, 0]
     module = back[back[:, 0] == row, 1].max()  # where it begins: the others only follow
     s = float(solution.tip_arc_lengths[row])
-    return [
+    sentence = (
         f"the path folds inside the reach of module {module + 1}: spine point "
         f"{arm.spine_indices[module]} would go back on it with the tip at {s:.4f} m of path "
         f"'{path.name}' {in_inches(path.point(s))}"
-    ]
+    )
+    return [PlanFailure(sentence, s)]
 
 
 def centre_line_deviation(arm: SerpentineArm, path: TipPath, solution: Solution) -> Array:
@@ -252,13 +275,15 @@ def posture_deviation(
     return result
 
 
-def _solution_failures(path: TipPath, solver: FollowTheLeader, solution: Solution) -> list[str]:
+def _solution_failures(
+    path: TipPath, solver: FollowTheLeader, solution: Solution
+) -> list[PlanFailure]:
     failed = np.flatnonzero(~solution.solved)
     if failed.size == 0:
         return []
     sentence = solver.explain(path, solution, int(failed[0]))
     more = f" (and at {failed.size - 1} more tip positions)" if failed.size > 1 else ""
-    return [sentence + more]
+    return [PlanFailure(sentence + more, float(solution.tip_arc_lengths[failed[0]]))]
 
 
 def _base_direction(arm: SerpentineArm) -> Array:

@@ -156,7 +156,10 @@ def test_a_limit_of_the_rail_is_told_in_inches(table):
 
 def test_every_joint_that_leaves_its_limits_has_its_sentence(table):
     plan = make_plan(arm_with_row(theta8=(-20.0, 20.0), theta13=(-10.0, 10.0)), table)
-    assert [SENTENCE.fullmatch(text)["name"] for text in plan.failures] == ["theta8", "theta13"]
+    found = [SENTENCE.fullmatch(text) for text in plan.failures]
+    # In the order in which the tip meets them: the outer joint bends first.
+    assert [match["name"] for match in found] == ["theta13", "theta8"]
+    assert plan.first_failing_tip == pytest.approx(float(found[0]["first"]), abs=5e-5)
 
 
 def test_a_peak_between_coarse_points_is_found(arm, table):

@@ -100,7 +100,11 @@ def plan_numbers(plan: Plan) -> dict[str, Any]:
 
 
 def write_plan_figures(folder: Path, plan: Plan) -> None:
-    """Joints and iterations after FTL-95 D.3 and D.4, and the path with four postures."""
+    """Joints and iterations after FTL-95 D.3 and D.4, and the path with four postures.
+
+    Of a path that cannot be followed, the last one also shows where the first failure is, and a
+    fourth one what is around it.
+    """
     arm, path, solution = plan.arm, plan.path, plan.solution
     travel = figures.tip_travel(solution.tip_arc_lengths, path.home_arc_length)
     figures.joint_values_figure(folder / "joints.png", arm, travel, plan.joints)
@@ -111,17 +115,35 @@ def write_plan_figures(folder: Path, plan: Plan) -> None:
         solution.iterations,
         tolerance=plan.solver.tolerance,
     )
-    solved = np.flatnonzero(solution.solved)
+    solved, postures = np.flatnonzero(solution.solved), {}
     if solved.size:
         stages = solved[np.linspace(0, solved.size - 1, 4).round().astype(int)]
         names = ("home", "one third", "two thirds", "end")
-        figures.path_figure(
-            folder / "path.png",
+        postures = {name: plan.joints[i] for name, i in zip(names, stages, strict=True)}
+    failing_tip = failing_posture = None
+    if plan.first_failing_tip is not None:
+        failing_tip = path.point(plan.first_failing_tip)
+        # NaN, which is not drawn, where there is no posture at all.
+        failing_posture = FollowTheLeader(arm).solve(path, plan.first_failing_tip).joints[0]
+        near = plan.first_failing_tip + np.linspace(-2.0, 2.0, 801)
+        figures.failure_figure(
+            folder / "failure.png",
             arm,
-            path.point(np.linspace(0.0, path.length, 400)),
-            {name: plan.joints[i] for name, i in zip(names, stages, strict=True)},
+            path.point(np.clip(near, 0.0, path.length)),
+            failing_tip,
+            failing_posture,
+            plan.failures,
             table_points=path.point(path.marks),
         )
+    figures.path_figure(
+        folder / "path.png",
+        arm,
+        path.point(np.linspace(0.0, path.length, 400)),
+        postures,
+        table_points=path.point(path.marks),
+        failing_tip=failing_tip,
+        failing_posture=failing_posture,
+    )
 
 
 def drive_numbers(plan: Plan, holding_efforts: Array, tip_speed: float) -> dict[str, Any]:

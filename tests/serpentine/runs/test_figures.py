@@ -149,7 +149,7 @@ def test_actuators_name_the_worst(
     assert "least stroke left" in check_layout(drawn[1])
 
 
-def test_the_path_stands_in_two_views_of_one_scale(
+def test_the_path_stands_in_views_of_one_scale(
     drawn: list[mpl.figure.Figure], arm: SerpentineArm, path: TipPath, solution: Solution
 ) -> None:
     figures.path_figure(
@@ -179,3 +179,51 @@ def test_travel_is_counted_from_home_in_inches() -> None:
     axis = figures.tip_travel(np.array([1.0, 1.0 + INCH]), 1.0)
     np.testing.assert_allclose(axis.values, [0.0, 1.0], atol=1e-12)
     assert axis.second == ("tip travel (m)", INCH)
+
+
+def test_a_path_aside_is_seen_from_above_too_and_shows_where_it_fails(
+    drawn: list[mpl.figure.Figure], arm: SerpentineArm
+) -> None:
+    """FTL-95's trajectory 1 lies in the plane of y and z: two views would show a line."""
+    aside = load_path("trajectory_1")
+    tip = aside.point(5.0)
+    figures.path_figure(
+        NOWHERE,
+        arm,
+        aside.point(np.linspace(0.0, aside.length, 300)),
+        {"home": arm.joint_home},
+        failing_tip=tip,
+        failing_posture=arm.joint_home * np.nan,  # no posture: the tip alone is shown
+    )
+    said = check_layout(drawn[0])
+    assert "seen along x0" in said
+    assert "cannot be followed from this tip on" in said
+    assert figures.FAILING not in said
+    scales = []
+    for axes, (across, up) in zip(drawn[0].axes, ((2, 0), (1, 0), (2, 1)), strict=True):
+        (mark,) = (line for line in axes.lines if line.get_marker() == "X")
+        np.testing.assert_allclose(mark.get_xydata()[0], tip[[across, up]] / INCH, rtol=1e-12)
+        size = axes.get_window_extent().size
+        scales += [size[0] / np.ptp(axes.get_xlim()), size[1] / np.ptp(axes.get_ylim())]
+    np.testing.assert_allclose(scales, scales[0], rtol=1e-3)
+
+
+def test_the_first_failure_stands_in_the_middle_with_what_is_wrong(
+    drawn: list[mpl.figure.Figure], arm: SerpentineArm, path: TipPath
+) -> None:
+    tip = path.point(path.length)
+    sentences = [f"joint theta{j} leaves its limits " + "and so on " * 20 for j in range(3, 9)]
+    figures.failure_figure(
+        NOWHERE,
+        arm,
+        path.point(np.linspace(path.length - 1.0, path.length, 50)),
+        tip,
+        arm.joint_home,
+        sentences,
+    )
+    said = check_layout(drawn[0])
+    assert "joint theta5 leaves" in said and "theta6" not in said
+    assert "(and 3 more, in summary.json)" in said
+    for axes, (across, up) in zip(drawn[0].axes, ((2, 0), (1, 0), (2, 1)), strict=True):
+        middle = [np.mean(axes.get_xlim()), np.mean(axes.get_ylim())]
+        np.testing.assert_allclose(middle, tip[[across, up]] / INCH, rtol=1e-12)
