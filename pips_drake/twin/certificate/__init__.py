@@ -1,0 +1,1 @@
+"""Certified clearance: bounds over every instant of a motion, proved by separating planes."""
