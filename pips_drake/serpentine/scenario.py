@@ -9,6 +9,12 @@ from pips_drake.serpentine.mounting import mounting_rotation
 #: Slowest tip speed, mm/s, and longest time, s, that a scenario may ask for.
 SLOWEST, DAY = 0.1, 86400.0
 
+#: What `integration.scheme` may say.
+INTEGRATION_SCHEMES = ("discrete", "radau3")
+#: Beyond the finest, roundings of the integrator's differences are larger than the error asked for;
+#: beyond the coarsest, it is no reference.
+ACCURACY_FINEST, ACCURACY_COARSEST = 1e-10, 1e-2
+
 
 @dataclass
 class MotionConfig:
@@ -99,6 +105,28 @@ class ClockConfig:
 
 
 @dataclass
+class IntegrationConfig:
+    """How the plant's equations of motion are solved."""
+
+    # discrete: steps of 1 / clocks.plant_hz, with drives, contact and hard stops implicit in each.
+    # radau3: a continuous plant under Drake's implicit integrator of third order, whose steps
+    # follow the accuracy asked for and end at the servos' updates. A reference to measure the
+    # discrete steps against (docs/physics.md); it has no hard stops (Drake has none in continuous
+    # plants).
+    scheme: str = "discrete"
+    # Relative error of a step of radau3. 1e-4 keeps trajectory 4's tip within 4 micrometres; 1e-5
+    # takes twenty times as long (measured). The discrete plant has none to ask for.
+    accuracy: float = 1e-4
+
+    def validate(self) -> None:
+        known = " or ".join(INTEGRATION_SCHEMES)
+        require(self.scheme in INTEGRATION_SCHEMES, "integration.scheme", self.scheme, known)
+        good = ACCURACY_FINEST <= self.accuracy <= ACCURACY_COARSEST
+        allowed = f"{ACCURACY_FINEST:g} .. {ACCURACY_COARSEST:g}"
+        require(good, "integration.accuracy", self.accuracy, allowed)
+
+
+@dataclass
 class CheckConfig:
     """What a run must keep for its verdict to be `pass`."""
 
@@ -121,6 +149,15 @@ class CheckConfig:
         for name in ("tracking_error_max_mm", "force_fraction_max", "speed_fraction_max"):
             value = getattr(self, name)
             require(value > 0.0, f"checks.{name}", value, "> 0")
+        # Below zero they would ask for nothing: an arm inside the scene would pass.
+        for name in (
+            "clearance_min_mm",
+            "self_clearance_min_mm",
+            "joint_overrun_max_deg",
+            "rail_overrun_max_mm",
+        ):
+            value = getattr(self, name)
+            require(value >= 0.0, f"checks.{name}", value, ">= 0")
 
 
 @dataclass
@@ -238,6 +275,7 @@ class SerpentineScenario:
     solver: SolverConfig = field(default_factory=SolverConfig)
     actuation: ActuationConfig = field(default_factory=ActuationConfig)
     clocks: ClockConfig = field(default_factory=ClockConfig)
+    integration: IntegrationConfig = field(default_factory=IntegrationConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)

@@ -17,6 +17,7 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import AffineSystem, ZeroOrderHold
 
@@ -150,6 +151,31 @@ def AddSerpentineArm(
     return model
 
 
+def plant_time_step(scenario: SerpentineScenario) -> float:
+    """The plant's step, s; 0 for a continuous plant."""
+    if scenario.integration.scheme == "discrete":
+        return 1.0 / scenario.clocks.plant_hz
+    return 0.0
+
+
+def MakeSimulator(diagram: Diagram, scenario: SerpentineScenario) -> Simulator:
+    """A simulator, not yet initialized, of a diagram that holds the scenario's station.
+
+    A station of another `integration.scheme` than `discrete` needs it: the integrator and its
+    accuracy are the simulator's, not the diagram's. Its steps end at the servos' updates anyway.
+    """
+    simulator = Simulator(diagram)
+    if scenario.integration.scheme != "discrete":
+        config = SimulatorConfig(
+            integration_scheme=scenario.integration.scheme,
+            max_step_size=1.0 / scenario.clocks.control_hz,
+            accuracy=scenario.integration.accuracy,
+            use_error_control=True,
+        )
+        ApplySimulatorConfig(config, simulator)
+    return simulator
+
+
 def make_plant(
     builder: DiagramBuilder,
     setup: SerpentineSetup,
@@ -164,7 +190,7 @@ def make_plant(
     """
     plant, scene_graph = AddMultibodyPlant(
         MultibodyPlantConfig(
-            time_step=1.0 / scenario.clocks.plant_hz,
+            time_step=plant_time_step(scenario),
             # Lagged is the fast one, and honours implicit PD gains (TAMSI ignores them silently).
             discrete_contact_approximation="lagged",
         ),
@@ -235,7 +261,7 @@ def AddActuation(
     `joint`: servo, then the inverse linkage, then the plant's implicit PD, whose gains are in the
     arm's model. Between two updates of the servo the joints' set-points move on straight lines:
     held still, a stiff drive would answer each update with a kick (of kilonewtons on the rail).
-    Latency: one control period in the servo, and two plant steps.
+    Latency: one control period in the servo, and two plant steps; a continuous plant has none.
     """
     arm = setup.arm
     servo = builder.AddNamedSystem("actuator_servo", ActuatorServo(arm, period=period))
@@ -259,13 +285,16 @@ def AddActuation(
     interpolator = builder.AddNamedSystem(
         "setpoint_interpolator", _make_interpolator(start, plant.time_step())
     )
-    # Drake forgets every cached output at every step of any discrete system. This hold keeps the
-    # inverse linkage from being computed anew at each step of the plant.
-    hold = builder.AddNamedSystem(
-        "setpoint_hold", ZeroOrderHold(period, 2 * arm.joints, offset_sec=plant.time_step())
-    )
-    builder.Connect(angle_map.GetOutputPort("joint_state"), hold.get_input_port())
-    builder.Connect(hold.get_output_port(), interpolator.get_input_port())
+    angles = angle_map.GetOutputPort("joint_state")
+    if plant.time_step() > 0.0:
+        # Drake forgets every cached output at every step of any discrete system. This hold keeps
+        # the inverse linkage from being computed anew at each step of the plant.
+        hold = builder.AddNamedSystem(
+            "setpoint_hold", ZeroOrderHold(period, 2 * arm.joints, offset_sec=plant.time_step())
+        )
+        builder.Connect(angles, hold.get_input_port())
+        angles = hold.get_output_port()
+    builder.Connect(angles, interpolator.get_input_port())
     builder.Connect(interpolator.get_output_port(), plant.get_desired_state_input_port(model))
     builder.Connect(plant.get_state_output_port(model), force_map.GetInputPort("joint_state"))
     builder.Connect(
@@ -278,12 +307,15 @@ def AddActuation(
 
 
 def _make_interpolator(start: Array, time_step: float) -> AffineSystem:
-    """Joint set-points that move at the input's rates: x+ = x + dt v, output (x, v)."""
+    """Joint set-points that move at the input's rates; output (x, v).
+
+    x+ = x + time_step v, or x' = v if `time_step` is 0: limit of the former for small steps.
+    """
     n = start.size
     one, zero = np.eye(n), np.zeros((n, n))
     interpolator = AffineSystem(
-        A=one,
-        B=np.hstack([zero, time_step * one]),
+        A=one if time_step > 0.0 else zero,
+        B=np.hstack([zero, (time_step if time_step > 0.0 else 1.0) * one]),
         f0=np.zeros(n),
         C=np.vstack([one, zero]),
         D=np.block([[zero, zero], [zero, one]]),
@@ -401,9 +433,9 @@ def MakeSerpentineStation(
 
     Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
-    `setpoint_hold`, `setpoint_interpolator`, `deflection_compensator` (if compensated),
-    `clearance_monitor`, `actuator_visualizer`; and with a camera `camera_pointer` and
-    `camera_station`.
+    `setpoint_hold` (if the plant is discrete), `setpoint_interpolator`, `deflection_compensator`
+    (if compensated), `clearance_monitor`, `actuator_visualizer`; and with a camera `camera_pointer`
+    and `camera_station`.
 
     Input port: `tip_path_source.command` (1,), optional.
 
@@ -420,7 +452,10 @@ def MakeSerpentineStation(
     Latencies: a source's update is seen by the controller at once, by the servo at its next update
     (one control period, 1/64 s by default), and reached one period after that, plus two plant
     steps; the monitor sees the plant's last step. From command to plant at most 3 / control_hz +
-    2 / plant_hz.
+    2 / plant_hz. The plant's state at an instant, before that instant's updates (what `AdvanceTo`
+    leaves and logs hold), is one step later still: 3 steps behind the continuous plant's, which is
+    late by none (`integration.scheme`; simulate it with `MakeSimulator`, which knows integrator and
+    accuracy).
 
     Args:
         setup: what the scenario names, if it is loaded already.

@@ -45,6 +45,9 @@ clocks:
   control_hz: 32
   clearance_hz: 16
   record_hz: 64
+integration:
+  scheme: radau3
+  accuracy: 1.0e-6
 checks:
   clearance_min_mm: 30.0
   self_clearance_min_mm: 12.0
@@ -179,6 +182,8 @@ BAD = {
     MINIMAL + "clocks: {control_hz: 50}": "clocks.control_hz = 50; must be a power of two, 1 or",
     MINIMAL + "clocks: {control_hz: 1024}": "clocks.control_hz = 1024; must be <= plant_hz",
     MINIMAL + "clocks: {plant_hz: 0}": "clocks.plant_hz = 0; must be a power of two, 1 or more",
+    MINIMAL + "integration: {scheme: rk4}": "integration.scheme = rk4; must be discrete or radau3",
+    MINIMAL + "integration: {accuracy: 0}": "integration.accuracy = 0.0; must be 1e-10 .. 0.01",
     MINIMAL + "checks: {force_fraction_max: 0}": "checks.force_fraction_max = 0.0; must be > 0",
     MINIMAL + "view: {direction: [0, 0, 0]}": "direction = [0.0, 0.0, 0.0]; must be three numbers",
     MINIMAL + "camera: {width: 321}": "camera.width = 321; must be even and > 0",

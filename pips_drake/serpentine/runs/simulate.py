@@ -19,7 +19,6 @@ from pydrake.geometry import (
     MeshcatVisualizerParams,
 )
 from pydrake.lcm import DrakeLcm
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
@@ -43,7 +42,12 @@ from pips_drake.serpentine.runs.scene_report import (
 )
 from pips_drake.serpentine.runs.sheet import write_run_sheet
 from pips_drake.serpentine.scenario import SerpentineScenario
-from pips_drake.serpentine.station import MakeSerpentineStation, SerpentineSetup, load_setup
+from pips_drake.serpentine.station import (
+    MakeSerpentineStation,
+    MakeSimulator,
+    SerpentineSetup,
+    load_setup,
+)
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.recording import Series, write_csv
 from pips_drake.twin.run_figures import clearance_figure, tracking_figure
@@ -212,7 +216,7 @@ def run_station(
     """
     built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm)
     station = built.station
-    simulator = Simulator(built.diagram)
+    simulator = MakeSimulator(built.diagram, scenario)
     run_time = advance(simulator, built.duration, label=label)
     context = simulator.get_context()
     recorded = {port: log.FindLog(context) for port, log in built.logs.items()}
