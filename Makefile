@@ -2,14 +2,14 @@
 #
 #     PYTHON=...  the Python that a missing virtual environment is made with; default the newest usable
 #     VENV=...    where it is; default .venv
-#     ARGS=...    more arguments for pytest, such as ARGS="-k clearance -n 0"
+#     ARGS=...    more arguments for pytest or the benchmarks, such as ARGS="-k clearance -n 0"
 
 VENV = .venv
 PYTHON =
 ARGS =
 
 .DEFAULT_GOAL = help
-.PHONY: help demo test test-slow test-all lint format clean
+.PHONY: help demo test test-slow test-all benchmark lint format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' Makefile
@@ -30,6 +30,10 @@ test-slow: $(VENV)/.installed-all ## run the slow tests
 test-all: $(VENV)/.installed-all ## run all tests
 	@sh tools/system_libraries.sh "$(VENV)/bin/python"
 	"$(VENV)/bin/python" -m pytest -m "slow or not slow" $(ARGS)
+
+benchmark: $(VENV)/.installed-all ## measure our speed beside others; renews docs/benchmarks.md
+	"$(VENV)/bin/python" -m benchmarks --markdown docs/benchmarks.md \
+	    --figure docs/images/benchmarks.png $(ARGS)
 
 lint: $(VENV)/.installed-dev ## check style, types and layers
 	@failed=0; \

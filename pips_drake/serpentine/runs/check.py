@@ -15,6 +15,7 @@ from pips_drake.serpentine.runs.scene_report import report_scene, scenario_text
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import (
+    VISUAL_PERIOD,
     SerpentineSetup,
     gravity_in_frame_0,
     load_setup,
@@ -104,7 +105,11 @@ def _check(
     clearance: Clearances = []
     if plan.solution.solved.any():
         builder = DiagramBuilder()
-        plant, scene_graph, model = make_plant(builder, setup, scenario)
+        # Nothing is shown. With a period the drawn actuators stand still until a simulator asks;
+        # without one they are posed again for each posture, which takes longer than distances.
+        plant, scene_graph, model = make_plant(
+            builder, setup, scenario, visual_period=VISUAL_PERIOD
+        )
         diagram = builder.Build()
         clearance = _sample_clearance(plan, scenario, diagram, plant, scene_graph, model)
         gravity = gravity_in_frame_0(plant)

@@ -1,0 +1,1 @@
+"""Speed beside what people use otherwise: `python -m benchmarks`. Method: docs/benchmarks.md."""
