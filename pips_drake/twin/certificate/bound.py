@@ -5,8 +5,7 @@ For convex bodies A and B and any unit normal n (in B's frame, from B towards A)
     distance >= gap(n) = min over A of n . a  -  max over B of n . b,
 
 in penetration too. `turning_bound` bounds it over a part of a segment in which n goes linearly from
-n0 to n1; `fixed_bound` over many segments with one n. Everything else here only looks for good
-normals: a bad one makes a bound looser, never wrong.
+n0 to n1; `fixed_bound` over many segments with one n.
 """
 
 from __future__ import annotations
@@ -17,6 +16,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from pips_drake.twin.certificate.tree import inner
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -65,33 +66,33 @@ class Motion(NamedTuple):
     remainder_by_reach: Array
 
 
-@numba.njit(cache=True)
-def _dot(u, v):
+@inner
+def dot(u, v):
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-@numba.njit(cache=True)
+@inner
 def copy(x, out):
     # Compiles in a tenth of the time of a slice assignment.
     for i in range(3):
         out[i] = x[i]
 
 
-@numba.njit(cache=True)
+@inner
 def into_frame(R, x, out):
     """R^T x."""
     for i in range(3):
         out[i] = R[0, i] * x[0] + R[1, i] * x[1] + R[2, i] * x[2]
 
 
-@numba.njit(cache=True)
+@inner
 def out_of_frame(R, x, out):
     """R x."""
     for i in range(3):
         out[i] = R[i, 0] * x[0] + R[i, 1] * x[1] + R[i, 2] * x[2]
 
 
-@numba.njit(cache=True)
+@inner
 def _bulge(shapes, s, n):
     """|E^T n|."""
     E = shapes.bulge[s]
@@ -101,16 +102,16 @@ def _bulge(shapes, s, n):
     return math.sqrt(x * x + y * y + z * z)
 
 
-@numba.njit(cache=True)
+@inner
 def support(shapes, s, n):
     """Largest n . x over the shape's points, m; infinite for a half space off its normal."""
     m = shapes.half_space[s]
-    if _dot(m, m) > 0.0 and not (m[0] == n[0] and m[1] == n[1] and m[2] == n[2]):
+    if dot(m, m) > 0.0 and not (m[0] == n[0] and m[1] == n[1] and m[2] == n[2]):
         return np.inf
     highest = -np.inf
     for v in range(shapes.starts[s], shapes.starts[s + 1]):
-        highest = max(highest, _dot(shapes.vertices[v], n))
-    length = math.sqrt(_dot(n, n))
+        highest = max(highest, dot(shapes.vertices[v], n))
+    length = math.sqrt(dot(n, n))
     return highest + _bulge(shapes, s, n) + shapes.radius[s] * length
 
 
@@ -132,12 +133,12 @@ def gap(shapes, a, b, R, t, n):
     into_frame(R, n, m)
     lowest = np.inf
     for v in range(shapes.starts[a], shapes.starts[a + 1]):
-        lowest = min(lowest, _dot(shapes.vertices[v], m))
-    lowest += _dot(n, t) - _bulge(shapes, a, m) - shapes.radius[a]
+        lowest = min(lowest, dot(shapes.vertices[v], m))
+    lowest += dot(n, t) - _bulge(shapes, a, m) - shapes.radius[a]
     return lowest - support(shapes, b, n)
 
 
-@numba.njit(cache=True)
+@inner
 def _levers(shapes, pairs, poses, motion, p, k, n, levers, offsets):
     """How joint errors move points of shape a along n (in b's body) at knot k.
 
@@ -157,7 +158,7 @@ def _levers(shapes, pairs, poses, motion, p, k, n, levers, offsets):
             continue
         z = poses.axis[k, joint]
         if motion.slides[joint]:
-            offsets[c] = error * _dot(w, z)
+            offsets[c] = error * dot(w, z)
             continue
         u[0] = error * (w[1] * z[2] - w[2] * z[1])
         u[1] = error * (w[2] * z[0] - w[0] * z[2])
@@ -167,24 +168,24 @@ def _levers(shapes, pairs, poses, motion, p, k, n, levers, offsets):
             offsets[c] += u[axis] * (poses.position[k, i, axis] - poses.origin[k, joint, 1, axis])
 
 
-@numba.njit(cache=True)
+@inner
 def _moved(shapes, a, levers, offsets, v):
     """How far errors move vertex v (with the bulge around it) of shape a, at most, m."""
     total = 0.0
     for c in range(offsets.shape[0]):
-        total += abs(_dot(levers[c], shapes.vertices[v]) + offsets[c])
+        total += abs(dot(levers[c], shapes.vertices[v]) + offsets[c])
         total += _bulge(shapes, a, levers[c])
     return total
 
 
-@numba.njit(cache=True)
+@inner
 def bend_of(pairs, motion, p, segment):
     """Bound on |p''| over a segment, m."""
     row = pairs.chain[p]
     return motion.at_origin[row, segment] + motion.by_reach[row, segment] * pairs.reach[p]
 
 
-@numba.njit(cache=True)
+@inner
 def _remainder(pairs, motion, p, segment):
     """What joint errors add beyond their first order, at most, m."""
     row = pairs.chain[p]
@@ -221,9 +222,9 @@ def turning_bound(shapes, pairs, poses, motion, p, k0, k1, n0, n1, segment, widt
     h0, h2 = support(shapes, b, n0), support(shapes, b, n1)
     bend = bend_of(pairs, motion, p, segment) * width * width
     away = shapes.radius[a] + _remainder(pairs, motion, p, segment)
-    c0 = _dot(n0, t0) - h0 - away - _bulge(shapes, a, m0)
-    c2 = _dot(n1, t1) - h2 - away - _bulge(shapes, a, m2)
-    c1 = 0.5 * (_dot(n0, t1) + _dot(n1, t0) - h0 - h2) - away - _bulge(shapes, a, m1) - 0.25 * bend
+    c0 = dot(n0, t0) - h0 - away - _bulge(shapes, a, m0)
+    c2 = dot(n1, t1) - h2 - away - _bulge(shapes, a, m2)
+    c1 = 0.5 * (dot(n0, t1) + dot(n1, t0) - h0 - h2) - away - _bulge(shapes, a, m1) - 0.25 * bend
     joints = motion.bodies.shape[1] if motion.deviates else 0
     levers, offsets = np.empty((4, joints, 3)), np.empty((4, joints))
     if motion.deviates:
@@ -238,7 +239,7 @@ def turning_bound(shapes, pairs, poses, motion, p, k0, k1, n0, n1, segment, widt
     lowest = np.inf
     for row in range(shapes.starts[a], shapes.starts[a + 1]):
         v = shapes.vertices[row]
-        b0, b1, b2 = c0 + _dot(m0, v), c1 + _dot(m1, v), c2 + _dot(m2, v)
+        b0, b1, b2 = c0 + dot(m0, v), c1 + dot(m1, v), c2 + dot(m2, v)
         if motion.deviates:
             b0 -= _moved(shapes, a, levers[0], offsets[0], row)
             b1 -= _moved(shapes, a, levers[1], offsets[1], row)
@@ -253,7 +254,7 @@ def turning_bound(shapes, pairs, poses, motion, p, k0, k1, n0, n1, segment, widt
     return lowest - ROUNDING
 
 
-@numba.njit(cache=True)
+@inner
 def fixed_bound(shapes, pairs, poses, motion, p, first, last, n, floor):
     """Lower bound over the segments from knot `first` to `last` with one normal n, m.
 
@@ -273,7 +274,7 @@ def fixed_bound(shapes, pairs, poses, motion, p, first, last, n, floor):
             _levers(shapes, pairs, poses, motion, p, k, n, levers, offsets)
         here = np.inf
         for v in range(shapes.starts[a], shapes.starts[a + 1]):
-            height = _dot(shapes.vertices[v], m)
+            height = dot(shapes.vertices[v], m)
             if motion.deviates:
                 height -= _moved(shapes, a, levers, offsets, v)
             here = min(here, height)
@@ -287,137 +288,3 @@ def fixed_bound(shapes, pairs, poses, motion, p, first, last, n, floor):
                 break
         before = here
     return lowest - ROUNDING
-
-
-@numba.njit(cache=True)
-def _nearest(shapes, s, x, out):
-    """The point nearest to x of the box or cylinder about a shape."""
-    local = np.empty(3)
-    Q, c, e = shapes.axes[s], shapes.centre[s], shapes.half[s]
-    for i in range(3):
-        local[i] = sum_of(Q, i, x, c)
-    if shapes.disc[s] > 0.0:
-        radial = math.sqrt(local[0] ** 2 + local[1] ** 2)
-        if radial > shapes.disc[s]:
-            local[0] *= shapes.disc[s] / radial
-            local[1] *= shapes.disc[s] / radial
-        local[2] = min(max(local[2], -e[2]), e[2])
-    else:
-        for i in range(3):
-            local[i] = min(max(local[i], -e[i]), e[i])
-    out_of_frame(Q, local, out)
-    for i in range(3):
-        out[i] += c[i]
-
-
-@numba.njit(cache=True)
-def sum_of(Q, i, x, c):
-    """Component i of Q^T (x - c)."""
-    return Q[0, i] * (x[0] - c[0]) + Q[1, i] * (x[1] - c[1]) + Q[2, i] * (x[2] - c[2])
-
-
-@numba.njit(cache=True)
-def suggest(shapes, a, b, R, t, n):
-    """A normal that separates the pair well, by two alternating projections; in b's body."""
-    m = shapes.half_space[b]
-    if _dot(m, m) > 0.0:
-        copy(m, n)
-        return
-    x, y, local, near = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    out_of_frame(R, shapes.centre[a], x)
-    for i in range(3):
-        x[i] += t[i]
-    for _ in range(2):
-        _nearest(shapes, b, x, y)
-        for i in range(3):
-            local[i] = y[i] - t[i]
-        into_frame(R, local, near)
-        _nearest(shapes, a, near, local)
-        out_of_frame(R, local, x)
-        for i in range(3):
-            x[i] += t[i]
-    length = math.sqrt((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2)
-    if length > 1e-6:
-        for i in range(3):
-            n[i] = (x[i] - y[i]) / length
-        return
-    # They overlap: the best of both bodies' axes.
-    best = -np.inf
-    for which in range(12):
-        axis, sign = which // 2 % 3, 1.0 - 2.0 * (which % 2)
-        if which < 6:
-            for i in range(3):
-                local[i] = sign * shapes.axes[b, i, axis]
-        else:
-            for i in range(3):
-                near[i] = sign * shapes.axes[a, i, axis]
-            out_of_frame(R, near, local)
-        found = gap(shapes, a, b, R, t, local)
-        if found > best:
-            best = found
-            copy(local, n)
-
-
-@numba.njit(cache=True)
-def span_bounds(shapes, pairs, poses, motion, rows, first, last, given):
-    """Bounds of W spans with a fixed normal each: the better of a suggested and a given one.
-
-    Args:
-        rows, first, last: pair and knots of each span, (W,).
-        given: normals to try, (W, 3); NaN for none.
-
-    Returns:
-        bounds (W,) m and normals (W, 3).
-    """
-    count = rows.shape[0]
-    low, normals = np.empty(count), np.empty((count, 3))
-    R, t, n = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for w in range(count):
-        p = rows[w]
-        a, b = pairs.a[p], pairs.b[p]
-        low[w] = -np.inf
-        if given[w, 0] == given[w, 0]:
-            low[w] = fixed_bound(
-                shapes, pairs, poses, motion, p, first[w], last[w], given[w], -np.inf
-            )
-            copy(given[w], normals[w])
-        k = (first[w] + last[w]) // 2
-        relative(poses.rotation[k], poses.position[k], shapes.body[a], shapes.body[b], R, t)
-        suggest(shapes, a, b, R, t, n)
-        found = fixed_bound(shapes, pairs, poses, motion, p, first[w], last[w], n, low[w])
-        if found > low[w]:
-            low[w] = found
-            copy(n, normals[w])
-    return low, normals
-
-
-@numba.njit(cache=True)
-def segment_bounds(shapes, pairs, poses, motion, rows, segments, given):
-    """Bounds of W whole segments with a normal that turns from knot to knot.
-
-    At each end the normal is the better one of a suggested and a given one, (W, 2, 3).
-
-    Returns:
-        bounds (W,) m and normals (W, 2, 3).
-    """
-    count = rows.shape[0]
-    low, normals = np.empty(count), np.empty((count, 2, 3))
-    R, t, n = np.empty((2, 3, 3)), np.empty((2, 3)), np.empty(3)
-    for w in range(count):
-        p = rows[w]
-        a, b = pairs.a[p], pairs.b[p]
-        i, j = shapes.body[a], shapes.body[b]
-        for end in range(2):
-            k = segments[w] + end
-            relative(poses.rotation[k], poses.position[k], i, j, R[end], t[end])
-            suggest(shapes, a, b, R[end], t[end], n)
-            copy(given[w, end], normals[w, end])
-            if gap(shapes, a, b, R[end], t[end], n) > gap(
-                shapes, a, b, R[end], t[end], given[w, end]
-            ):
-                copy(n, normals[w, end])
-        low[w] = turning_bound(
-            shapes, pairs, poses, motion, p, segments[w], segments[w] + 1, normals[w, 0],
-            normals[w, 1], segments[w], 1.0,
-        )  # fmt: skip
-    return low, normals

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.config import require
 from pips_drake.errors import InputError
 from pips_drake.twin.certificate.bodies import ConvexBody, read_shape, stack_shapes
-from pips_drake.twin.certificate.motion import FREE, REVOLUTE, PRISMATIC, ReadTree, read_tree
-from pips_drake.twin.certificate.search import Certificate, Problem, certify
+from pips_drake.twin.certificate.problem import Problem
+from pips_drake.twin.certificate.search import Certificate, certify
+from pips_drake.twin.certificate.tree import FREE, ReadTree, read_tree
 
 if TYPE_CHECKING:
     from pydrake.geometry import GeometryId, SceneGraphInspector
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from pydrake.multibody.tree import ModelInstanceIndex
 
 Array = NDArray[np.float64]
-
-#: Free bodies must turn less than this from knot to knot, rad: which way round would be unclear.
-LARGEST_TURN = 3.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -187,17 +185,9 @@ def _check_motion(
 def _check_deviation(read: ReadTree, deviation: Array) -> None:
     good = np.isfinite(deviation).all() and (deviation >= 0.0).all()
     require(bool(good), "deviation", deviation.tolist(), "finite and >= 0")
-    movable = np.isin(read.tree.kind, (REVOLUTE, PRISMATIC))
-    known = set(read.tree.index[movable].tolist())
-    free = [i for b in np.flatnonzero(read.tree.kind == FREE) for i in range(7)]
-    if free and deviation.any():
-        starts = read.tree.index[read.tree.kind == FREE]
-        for start in starts.tolist():
-            if deviation[start : start + 7].any():
-                raise InputError(
-                    "deviation of a free body's positions; must be 0: give its joints instead"
-                )
-    del known
+    for start in read.tree.start[read.tree.kind == FREE].tolist():
+        if deviation[start : start + 7].any():
+            raise InputError("deviation of a free body's positions is not known; must be 0")
 
 
 def _body_index(i: int) -> object:

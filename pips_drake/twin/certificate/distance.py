@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pips_drake.twin.certificate.bodies import Shapes
 from pips_drake.twin.certificate.bound import copy, gap, into_frame, out_of_frame
+from pips_drake.twin.certificate.tree import inner
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -155,7 +156,7 @@ def difference_support(shapes: Shapes, a: int, b: int, R: Array, t: Array, d: Ar
     return difference
 
 
-@numba.njit(cache=True)
+@inner
 def _core_support(shapes, s, d, ball, out):
     """The farthest point of a core along d: its vertex's row; the point, and its ball's part."""
     best, row = -np.inf, shapes.starts[s]
@@ -255,7 +256,7 @@ def _closest_cores(shapes, a, b, R, t):
     return normal, weights[:4] / total, vertices[:4], balls[:4], distance
 
 
-@numba.njit(cache=True)
+@inner
 def _least_combination(points, count, solution):
     """Weights of the convex combination of up to four points that is nearest to 0; its length.
 
@@ -278,13 +279,13 @@ def _least_combination(points, count, solution):
                 members[size] = i
                 size += 1
         # With the last member as origin: (p_i - p_l) . (p_l + sum y_j (p_j - p_l)) = 0.
-        l, n = members[size - 1], size - 1
+        o, n = members[size - 1], size - 1
         for i in range(n):
             p = members[i]
             for j in range(n):
                 q = members[j]
-                A[i, j] = gram[p, q] - gram[p, l] - gram[q, l] + gram[l, l]
-            A[i, 3] = gram[l, l] - gram[p, l]
+                A[i, j] = gram[p, q] - gram[p, o] - gram[q, o] + gram[o, o]
+            A[i, 3] = gram[o, o] - gram[p, o]
         regular = True
         for i in range(n):
             pivot = i

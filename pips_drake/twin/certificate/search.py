@@ -12,42 +12,16 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pips_drake.config import require
-from pips_drake.errors import InputError
-from pips_drake.twin.certificate.bodies import Shapes, read_shape, stack_shapes
-from pips_drake.twin.certificate.bound import (
-    Motion,
-    Pairs,
-    relative,
-    segment_bounds,
-    span_bounds,
-    turning_bound,
-)
+from pips_drake.twin.certificate.bound import relative, turning_bound
 from pips_drake.twin.certificate.distance import Closest, closest
-from pips_drake.twin.certificate.motion import (
-    FIXED,
-    FREE,
-    PRISMATIC,
-    Poses,
-    Tree,
-    bending,
-    calc_poses,
-    chain,
-    error_terms,
-    interpolate,
-    read_tree,
-    stack_chains,
-)
-
-if TYPE_CHECKING:
-    from pydrake.geometry import GeometryId, SceneGraphInspector
-    from pydrake.multibody.plant import MultibodyPlant
-    from pydrake.multibody.tree import ModelInstanceIndex
+from pips_drake.twin.certificate.planes import segment_bounds, span_bounds
+from pips_drake.twin.certificate.problem import Prepared, Problem
+from pips_drake.twin.certificate.tree import Poses, calc_poses, interpolate
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -57,33 +31,6 @@ LONGEST_SPAN = 64
 #: Parts of a segment narrower than this are not cut any more; the bound then stays as loose as it
 #: is there. Only bodies that touch along a changing feature come near.
 NARROWEST = 2.0**-14
-#: Free bodies must turn less than this from knot to knot, rad.
-LARGEST_TURN = 3.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Problem:
-    """A motion and the pairs whose distance counts.
-
-    Attributes:
-        tree: kinematics; positions are the plant's.
-        shapes, names: the bodies; names are those of body and geometry.
-        bodies: the shapes' plant bodies, by their scoped names.
-        a, b: the pairs' shapes, (P,) each.
-        times: of the knots, (N,) s.
-        knots: (N, nq).
-        deviation: how far each position may be off, (nq,) m and rad.
-    """
-
-    tree: Tree
-    shapes: Shapes
-    names: tuple[str, ...]
-    bodies: tuple[str, ...]
-    a: Indices
-    b: Indices
-    times: Array
-    knots: Array
-    deviation: Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,76 +111,6 @@ class Certificate:
     def tight(self) -> bool:
         """Whether the bounds are as near to each other as was asked for."""
         return self.upper - self.lower <= self.tolerance
-
-
-class Prepared:
-    """A problem with what its search and its check need: poses, chains and motion bounds."""
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        tree, shapes = problem.tree, problem.shapes
-        self.poses: Poses = calc_poses(tree, problem.knots)
-        between: dict[tuple[int, int], int] = {}
-        rows = np.empty(len(problem.a), dtype=np.int64)
-        for p, ends in enumerate(
-            zip(shapes.body[problem.b].tolist(), shapes.body[problem.a].tolist(), strict=True)
-        ):
-            rows[p] = between.setdefault(ends, len(between))
-        chains = [chain(tree, base, body) for base, body in between]
-        bodies, signs = stack_chains(chains)
-        at_origin, by_reach = bending(tree, self.poses, problem.knots, bodies, signs)
-        self.motion = _make_motion(problem, self.poses, bodies, signs, at_origin, by_reach)
-        self.pairs = Pairs(problem.a, problem.b, rows, self._reach(chains, rows))
-
-    def _reach(self, chains: list[list[tuple[int, int]]], rows: Indices) -> Array:
-        """How far a pair's a is from the last origin of its chain, at most, (P,) m."""
-        problem, shapes = self.problem, self.problem.shapes
-        found: dict[tuple[int, int], float] = {}
-        reach = np.zeros(len(problem.a))
-        for p, (shape, row) in enumerate(zip(problem.a.tolist(), rows.tolist(), strict=True)):
-            if not chains[row]:
-                continue
-            if (shape, row) not in found:
-                joint, sign = chains[row][-1]
-                body = shapes.body[shape]
-                R, t = self.poses.rotation[0, body], self.poses.position[0, body]
-                origin = R.T @ (self.poses.origin[0, joint, 1 if sign > 0 else 0] - t)
-                vertices = shapes.vertices[shapes.starts[shape] : shapes.starts[shape + 1]]
-                bulge = np.linalg.norm(shapes.bulge[shape], 2)
-                farthest = np.linalg.norm(vertices - origin, axis=1).max()
-                found[shape, row] = float(farthest + bulge)
-            reach[p] = found[shape, row]
-        return reach
-
-
-def _make_motion(
-    problem: Problem,
-    poses: Poses,
-    bodies: Indices,
-    signs: Indices,
-    at_origin: Array,
-    by_reach: Array,
-) -> Motion:
-    tree = problem.tree
-    deviates = bool(problem.deviation.any())
-    deviation = np.where(tree.kind == FIXED, 0.0, problem.deviation[tree.index])
-    rest, rest_by_reach = np.zeros_like(at_origin), np.zeros_like(at_origin)
-    if deviates:
-        more, more_by_reach, rest, rest_by_reach = error_terms(
-            tree, poses, problem.knots, bodies, signs, deviation
-        )
-        at_origin, by_reach = at_origin + more, by_reach + more_by_reach
-    return Motion(
-        bodies=bodies,
-        signs=signs,
-        at_origin=at_origin,
-        by_reach=by_reach,
-        deviates=deviates,
-        deviation=deviation,
-        slides=tree.kind == PRISMATIC,
-        remainder_at_origin=rest,
-        remainder_by_reach=rest_by_reach,
-    )
 
 
 class _Search:
@@ -450,7 +327,7 @@ class _Search:
             moves = axis
             if not motion.slides[joint]:
                 moves = np.cross(axis, point - poses.origin[0, joint, 1])
-            off[problem.tree.index[joint]] = (
+            off[problem.tree.start[joint]] = (
                 -np.sign(sign * (normal @ moves)) * motion.deviation[joint]
             )
         return off

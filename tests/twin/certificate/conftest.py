@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from pips_drake.twin.certificate.bodies import ConvexBody, stack_shapes
-from pips_drake.twin.certificate.motion import FREE, PRISMATIC, REVOLUTE, Tree
-from pips_drake.twin.certificate.search import Problem
+from pips_drake.twin.certificate.problem import Problem
+from pips_drake.twin.certificate.tree import FREE, PRISMATIC, REVOLUTE, Tree
 
 SIDES = 128
 
@@ -109,7 +109,7 @@ class Machine:
         tree = Tree(
             parent=parent,
             kind=kind,
-            index=np.array([0, *np.cumsum([0, *width[:-1]])]),
+            start=np.array([0, *np.cumsum([0, *width[:-1]])]),
             R_PF=np.array([eye] + [row[2] for row in self.rows]),
             p_PF=np.array([zero] + [row[3] for row in self.rows]),
             axis=np.array([zero] + [row[4] for row in self.rows]),
@@ -189,15 +189,6 @@ def make_solid(rng, body: int, kind: str, *, size: float, place: np.ndarray) -> 
 def make_machine(rng, *, joints: int = 6, sliding: float = 0.2, moving_obstacle: bool = False):
     """A chain of random joints with a solid on each link, obstacles around it, and the pairs."""
     machine, kinds = Machine(), ["box", "sphere", "capsule", "cylinder", "mesh"]
-    machine.solids.append(
-        Solid(
-            0,
-            np.zeros((1, 3)),
-            0.0,
-            make_solid(rng, 0, "sphere", size=1e-3, place=np.zeros(3)).shape,
-        )
-    )
-    machine.solids.pop()
     for j in range(joints):
         kind = PRISMATIC if rng.random() < sliding else REVOLUTE
         axis = rng.normal(size=3)
@@ -245,7 +236,7 @@ def random_knots(rng, machine: Machine, count: int, step: float) -> np.ndarray:
                 np.concatenate(
                     [
                         Rotation.random(random_state=rng).as_quat(),
-                        rng.normal(size=3) + [1.5, 0.0, 1.0],
+                        rng.normal([1.5, 0.0, 1.0]),
                     ]
                 )
             )
