@@ -54,7 +54,8 @@ def narrowest_radius(arm: SerpentineArm) -> float:
     A module of chord Q on a circle of radius R turns by Q / R at its inner end. Its offset lets the
     outer link overshoot the chord by Delta / (Delta + S) of the odd angle, which the next joint
     takes back, and so on: together at most 1 / (1 - Delta / S) of it. Where lines and arcs of other
-    planes follow each other, chords turn no faster than on the arcs. A tenth is left over.
+    planes follow each other, chords turn no faster than on the arcs. A tenth is left over for the
+    corners of tables.
     """
     longest = float(np.max(arm.segment_length[:-1] + arm.segment_offset[:-1], initial=0.0))
     longest = max(longest, float(np.max(arm.chain.sum(axis=1))))
@@ -102,7 +103,10 @@ def bent_path(
     smooth = builder.build(kind)
     if kind == "smooth":
         return smooth
-    count = max(2, round(travel / 0.18))  # as far apart as the report's tables: 7 in
+    # As far apart as the report's tables, 7 in, and half a module at most: sharper corners at wider
+    # spacing would turn some chords faster than the arcs do.
+    spacing = min(0.18, 0.5 * float(np.min(arm.chain[:, 1])))
+    count = max(2, math.ceil(travel / spacing))
     s = np.linspace(smooth.home_arc_length, smooth.length, count + 1)
     points = np.vstack([base, smooth.point(s)])
     return polyline_path(points, kind) if kind == "table" else blended_path(points, kind)

@@ -12,7 +12,7 @@ from pips_drake.scene.packages import find_path_file
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader, Solution
 from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.solver import CONVERGED
-from pips_drake.serpentine.tip_path import TipPath, polyline_path
+from pips_drake.serpentine.tip_path import PathBuilder, TipPath, polyline_path
 
 from .random_paths import KINDS, bent_path, random_bends
 from .torus_oracle import Chain, March, Path, Piece, march, piece_crossings, solve
@@ -145,6 +145,21 @@ def test_the_solver_agrees_with_the_oracle_between_the_points_too(arm, prototype
     path, own = load_path(name), shipped(name)
     tips = path.samples(0.5 * INCH)
     assert_agrees(FollowTheLeader(arm).solve(path, tips), [solve(prototype, own, s) for s in tips])
+
+
+@pytest.mark.parametrize("radius", [0.75, 30.0, 1.5e3, 1e5])
+def test_the_solver_agrees_with_the_oracle_on_arcs_that_are_all_but_straight(
+    arm, prototype, radius
+):
+    """Blending a table whose rows are rounded to 0.001 in makes arcs of kilometres."""
+    builder = PathBuilder(start=[16.255 * INCH, 0.0, 0.0], direction=[0.0, 0.0, 1.0])
+    builder.line(174.902 * INCH)
+    for toward in (1.0, -1.0):
+        builder.arc(radius=radius, angle=0.6 / radius, toward=[toward, 0.6, 0.0])
+    path = builder.build("nearly straight")
+    tips = path.samples(0.2)
+    found = [solve(prototype, oracle_path(path), s) for s in tips]
+    assert_agrees(FollowTheLeader(arm).solve(path, tips), found)
 
 
 def agrees_on_random_path(case, number: int, tips: int) -> None:

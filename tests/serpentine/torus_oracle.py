@@ -18,10 +18,10 @@ angle along a module has one. `march` counts what it finds, so a test can insist
 All of it hangs on one number, the arc length of spine point 4, and the tip's arc length grows with
 it: one scalar root puts the tip where it shall be.
 
-On a line the torus is a quartic in t; on a circular arc, with w = exp(i phi), a quartic in w too:
-all crossings are found, none by sampling. Newton on the torus itself, not on its square, then gives
-full precision. The base needs no formula either: Newton from home finds its three joints, on the
-branch that home is on.
+On a line the torus is a quartic in the length t; on a circular arc it is one too, in
+t = 2 r tan(phi / 2): all crossings are found, none by sampling. Newton on the torus itself, not on
+its square, then gives full precision. The base needs no formula either: Newton from home finds its
+three joints, on the branch that home is on.
 
 Own mathematics in numpy on purpose: nothing here comes from `pips_drake`, and of a path and an arm
 only numbers are taken.
@@ -38,8 +38,8 @@ from scipy.optimize import brentq
 
 #: Rounding of arc lengths up to 10 m, summed over pieces: a hit this far outside a piece is on it.
 SLACK = 1e-12
-#: How far (m, rad, or off the unit circle) a quartic's rounded root may be from a crossing: small
-#: offsets give nearly double roots, which rounding moves aside by its square root. Newton decides.
+#: How far (m) a quartic's rounded root may be from a crossing: small offsets give nearly double
+#: roots, which rounding moves aside by its square root. Newton decides.
 NEAR = 1e-2
 
 
@@ -59,8 +59,11 @@ class Piece:
         """Point (3,) m, t m after the piece's start."""
         if self.radius == 0.0:
             return self.origin + t * self.u
-        phi = t / self.radius
-        return self.origin + self.radius * (math.cos(phi) * self.u + math.sin(phi) * self.v)
+        # From the arc's start, by half angles: its centre may be a kilometre away.
+        half = 0.5 * t / self.radius
+        chord = 2.0 * self.radius * math.sin(half)
+        start = self.origin + self.radius * self.u
+        return start + chord * (math.cos(half) * self.v - math.sin(half) * self.u)
 
     def tangent(self, t: float) -> np.ndarray:
         """Unit tangent (3,)."""
@@ -71,11 +74,11 @@ class Piece:
 
     def distance(self, p: np.ndarray) -> float:
         """Distance (m) of a point (3,) m."""
-        w = p - self.origin
+        w = p - self.point(0.0)
         if self.radius == 0.0:
             nearest = [min(max(float(w @ self.u), 0.0), self.length)]
         else:
-            turn = math.atan2(float(w @ self.v), float(w @ self.u)) % (2.0 * math.pi)
+            turn = math.atan2(float(w @ self.v), self.radius + float(w @ self.u)) % (2.0 * math.pi)
             nearest = [0.0, self.length, min(turn * self.radius, self.length)]
         return min(float(np.linalg.norm(p - self.point(t))) for t in nearest)
 
@@ -263,11 +266,10 @@ def piece_crossings(
     length: float,
 ) -> list[float]:
     """Crossings of a piece with the outer sheet from `low` m after its start on, m, in order."""
-    scale = piece.radius or 1.0  # of the unknown: an angle on an arc, a length on a line
 
-    def sheet(x: float) -> tuple[float, float]:
+    def sheet(t: float) -> tuple[float, float]:
         """(rho - Delta)^2 + z^2 - S^2 and its derivative."""
-        w, dw = piece.point(x * scale) - centre, scale * piece.tangent(x * scale)
+        w, dw = piece.point(t) - centre, piece.tangent(t)
         z, dz = float(w @ axis), float(dw @ axis)
         rho = math.sqrt(max(float(w @ w) - z * z, 0.0))
         drho = (float(w @ dw) - z * dz) / rho if rho > 0.0 else 0.0
@@ -275,21 +277,20 @@ def piece_crossings(
         return value, 2.0 * ((rho - offset) * drho + z * dz)
 
     result = []
-    first, last = low / scale, piece.length / scale
-    for x in _candidates(piece, centre, axis, offset, length):
+    for t in _candidates(piece, centre, axis, offset, length):
         if piece.radius:  # into the turn that begins at `low`, or just before it
-            x = (x - first + NEAR) % (2.0 * math.pi) + first - NEAR
-        if not first - NEAR <= x <= last + NEAR:
+            turn = 2.0 * math.pi * piece.radius
+            t = (t - low + NEAR) % turn + low - NEAR
+        if not low - NEAR <= t <= piece.length + NEAR:
             continue
         for _ in range(60):
-            value, slope = sheet(x)
+            value, slope = sheet(t)
             step = -value / slope if slope != 0.0 else 0.0
-            x += step
+            t += step
             if abs(step) < 1e-15:
                 break
-        t = x * scale
         # 1e-12 m^2: what Newton leaves where it found no root is far from rounding.
-        on_sheet = abs(sheet(x)[0]) < 1e-12
+        on_sheet = abs(sheet(t)[0]) < 1e-12
         if on_sheet and low - SLACK <= t <= piece.length + SLACK:
             result.append(min(max(t, low), piece.length))
     result.sort()
@@ -301,34 +302,27 @@ def _candidates(
 ) -> list[float]:
     """Near the real roots of A^2 = 4 Delta^2 rho^2, A = |w|^2 + Delta^2 - S^2: both sheets squared.
 
-    Polynomials in t, or Laurent polynomials in exp(i phi) with the same product (convolution).
+    With bend = 1 / r, t = 2 r tan(phi / 2) and D = 1 + (bend t / 2)^2, the vector from the torus'
+    centre is w = d + (t v - bend t^2 / 2 u) / D, d to the arc's start. So |w|^2 D and z D are of
+    second degree in t, and the equation times D^2 is of fourth. On a line bend is 0 and D is 1.
     """
-    w = piece.origin - centre
-    if piece.radius == 0.0:
-        square = np.array([1.0, 2.0 * float(w @ piece.u), float(w @ w)])
-        height = np.array([float(piece.u @ axis), float(w @ axis)])
-        height_square = np.convolve(height, height)
-        one = np.array([0.0, 0.0, 1.0])
+    if piece.radius:
+        bend, along, inward = 1.0 / piece.radius, piece.v, -piece.u
     else:
-        r = piece.radius
-        first = r * complex(float(w @ piece.u), -float(w @ piece.v))  # of cos and sin together
-        square = np.array([first, float(w @ w) + r * r, first.conjugate()])
-        first = 0.5 * r * complex(float(piece.u @ axis), -float(piece.v @ axis))
-        height = np.array([first, float(w @ axis), first.conjugate()])
-        height_square = np.convolve(height, height)
-        one = np.array([0.0, 1.0, 0.0])
-    a = square + (offset * offset - length * length) * one
-    # Without offset both sheets are one sphere, and the square would have double roots.
-    polynomial = a
+        bend, along, inward = 0.0, piece.u, np.zeros(3)
+    d = piece.point(0.0) - centre
+    spread = np.array([0.25 * bend * bend, 0.0, 1.0])  # D
+    square = float(d @ d) * spread  # |w|^2 D
+    square += [1.0 + bend * float(d @ inward), 2.0 * float(d @ along), 0.0]
+    height = float(d @ axis) * spread  # z D
+    height += [0.5 * bend * float(inward @ axis), float(along @ axis), 0.0]
+    # A D. Without offset both sheets are one sphere, and its square would have double roots.
+    polynomial = square + (offset * offset - length * length) * spread
     if offset > 0.0:
-        rho_square = np.convolve(square, one) - (
-            height_square if piece.radius else np.convolve(height_square, one)
-        )
-        polynomial = np.convolve(a, a) - 4.0 * offset**2 * rho_square
-    roots = np.roots(polynomial)
-    if piece.radius == 0.0:
-        return [float(x.real) for x in roots if abs(x.imag) < NEAR]
-    return [float(np.angle(x)) for x in roots if abs(abs(x) - 1.0) < NEAR]
+        rho_square = np.convolve(square, spread) - np.convolve(height, height)  # rho^2 D^2
+        polynomial = np.convolve(polynomial, polynomial) - 4.0 * offset**2 * rho_square
+    roots = [x.real for x in np.roots(polynomial) if abs(x.imag) < NEAR]
+    return [2.0 / bend * math.atan(0.5 * bend * t) if bend else t for t in roots]
 
 
 def solve(chain: Chain, path: Path, s_tip: float) -> March:
@@ -338,8 +332,9 @@ def solve(chain: Chain, path: Path, s_tip: float) -> March:
     def miss(s4: float) -> float:
         return float(march(chain, path, s4).arc_lengths[-1]) - s_tip
 
-    # A module's arc is at least as long as its chord, and that at least S - Delta.
-    high = s_tip - sum(length - offset for offset, length in pairs)
+    # A module's arc is at least as long as its chord, and that at least S - Delta; a micrometre
+    # more, because a straight arm without offsets is exactly that long.
+    high = s_tip - sum(length - offset for offset, length in pairs) + 1e-6
     low = s_tip - sum(length + offset for offset, length in pairs)
     reach = s_tip - low
     while low > 0.0 and miss(low) > 0.0:
