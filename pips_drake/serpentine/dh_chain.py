@@ -6,8 +6,11 @@ import math
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from pips_drake.serpentine.motion_base import PRISMATIC
+
+Array = NDArray[np.float64]
 
 
 @numba.njit(cache=True)
@@ -22,6 +25,15 @@ def _dh_step(rotation, origin, alpha, a, d, theta):
         rotation[k, 0] = ct * x + st * tilted_y
         rotation[k, 1] = ct * tilted_y - st * x
         rotation[k, 2] = tilted_z
+
+
+def with_sines(dh: Array) -> Array:
+    """A table (J, 5) with four columns more: cosine and sine of alpha, and of the theta offset.
+
+    What iterates over the same chain need not compute them again.
+    """
+    alpha, theta = dh[:, 0], dh[:, 3]
+    return np.column_stack([dh, np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)])
 
 
 @numba.njit(cache=True)

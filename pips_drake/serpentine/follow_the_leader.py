@@ -22,6 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.dh_chain import with_sines
+from pips_drake.serpentine.joint_rates import joint_rates_many
 from pips_drake.serpentine.path_geometry import ON_PIECE_TOLERANCE, sphere_line_roots
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.units import INCH, in_inches
@@ -63,9 +65,11 @@ def intersect_sphere_segment(
     p = np.asarray(first, dtype=np.float64)
     u = np.asarray(second, dtype=np.float64) - p
     c = np.asarray(centre, dtype=np.float64)
-    if not np.any(u):
+    length = float(np.linalg.norm(u))
+    if length == 0.0:
         raise InputError("segment: its two ends are the same point")
-    _, t1, t2 = sphere_line_roots(*map(float, [*p, *u, *c]), float(radius))
+    _, *roots = sphere_line_roots(*map(float, [*p, *(u / length), *c]), float(radius))
+    t1, t2 = (root / length for root in roots)
     slack = ON_PIECE_TOLERANCE
     return SphereSegmentIntersection(
         t=(t1, t2),
@@ -137,7 +141,9 @@ class FollowTheLeader:
         self._base_dh = np.ascontiguousarray(arm.dh_table[: len(arm.base.joint_names)])
         self._chain = np.ascontiguousarray(arm.chain)
         self._base_parameters = arm.base.parameters
-        self._nominal = float(arm.joint_home[1])
+        self._base_rows = with_sines(self._base_dh)
+        home = float(arm.joint_home[1])
+        self._nominal = (math.cos(home), math.sin(home))
         self._average = arm.average_module_length
 
     @property
@@ -159,7 +165,7 @@ class FollowTheLeader:
             self._chain,
             self.arm.base.kind,
             self._base_parameters,
-            self._base_dh,
+            self._base_rows,
             self._nominal,
             self.tolerance,
             self.max_iterations,
@@ -191,25 +197,21 @@ class FollowTheLeader:
         Returns:
             joints (joints,), spine arc lengths (M + 1,) m, status, iterations, spine error (m).
         """
-        q = np.zeros(self.arm.joints)
-        spine = np.empty((self.arm.modules + 1, 3))
-        arcs = np.full(self.arm.modules + 1, np.nan)
-        status, iterations, error, *_ = solver.solve_point(
+        q, _, arcs, status, iterations, errors, _, _, lengths = solver.solve_points(
             self._pieces(path),
-            float(tip_arc_length),
+            np.array([tip_arc_length], dtype=np.float64),
             self._chain,
             self.arm.base.kind,
             self._base_parameters,
-            self._base_dh,
+            self._base_rows,
             self._nominal,
             self.tolerance,
             self.max_iterations,
             module_lengths,
-            q,
-            spine,
-            arcs,
+            True,
         )
-        return q, arcs, int(status), int(iterations), float(error)
+        module_lengths[:] = lengths[0]
+        return q[0], arcs[0], int(status[0]), int(iterations[0]), float(errors[0, 0])
 
     def rates(self, path: TipPath, joints: ArrayLike, spine_arc_lengths: ArrayLike) -> Array:
         """Derivatives (N, joints) of converged joints by the tip's arc length, rad/m and m/m.
@@ -217,7 +219,7 @@ class FollowTheLeader:
         At a polyline's vertices the one-sided derivative from the base's side.
         """
         return np.asarray(
-            solver.joint_rates_many(
+            joint_rates_many(
                 self._pieces(path),
                 np.atleast_2d(np.asarray(joints, dtype=np.float64)),
                 np.atleast_2d(np.asarray(spine_arc_lengths, dtype=np.float64)),

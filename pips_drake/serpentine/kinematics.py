@@ -8,13 +8,15 @@ values mean the same hinges; a revolute joint then turns about -Z of its frame.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.dh_chain import joint_frames_many
+from pips_drake.serpentine.dh_chain import joint_frames_many, with_sines
 from pips_drake.serpentine.motion_base import base_roots_many
 
 Array = NDArray[np.float64]
@@ -122,6 +124,6 @@ def spine_inverse(arm: SerpentineArm, spine: ArrayLike) -> Array:
         arm.chain,
         arm.base.kind,
         arm.base.parameters,
-        arm.dh_table[: len(arm.base.joint_names)],
-        arm.joint_home[1],
+        with_sines(arm.dh_table[: len(arm.base.joint_names)]),
+        (math.cos(arm.joint_home[1]), math.sin(arm.joint_home[1])),
     )

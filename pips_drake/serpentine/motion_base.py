@@ -6,7 +6,7 @@ spine point on a given point. `RailCraneBase` is the report's; a second one, `Gi
 the arm on a carriage with two crossed hinges, as a straight feed does.
 
 To add a base: a dataclass with the members of `MotionBase`, its compiled inverse here, and a branch
-in `base_inverse`.
+in `_base_root`.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class MotionBase(Protocol):
 
     @property
     def kind(self) -> int:
-        """Which branch of `base_inverse` solves it."""
+        """Which branch of `_base_root` solves it."""
 
     @property
     def parameters(self) -> Array:
-        """The numbers that `base_inverse` needs, m and rad."""
+        """The numbers that the inverse needs, m and rad."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -124,71 +124,93 @@ def wrap_angle(angle):
     return -((-angle + math.pi) % (2.0 * math.pi) - math.pi)
 
 
-@numba.njit(cache=True)
-def rail_crane_roots(parameters, x, y, z):
-    """Both inverse solutions of the rail and crane for spine point 4 at (x, y, z) m.
+@numba.njit(cache=True, error_model="numpy")
+def _rail_crane_root(parameters, x, y, z, side):
+    """One inverse solution of the rail and crane for spine point 4 at (x, y, z) m.
 
     FTL-95 Eqs 3.10 to 3.15, with F = -K (S1 sin(theta3) + d3), whose line is missing in print.
     E cos + F sin + G = 0 is solved as atan2(F, E) +- acos(-G / hypot(E, F)): Eq 3.14's half-angle
-    form divides by G - E, which vanishes inside the workspace.
+    form divides by G - E, which vanishes inside the workspace. Sums of angles are products of
+    sines, so that no angle is formed while follow-the-leader iterates.
+
+    Args:
+        side: +1 or -1, which of the two.
 
     Returns:
-        roots (2, 3): d1 (m), theta2, theta3 (rad); theta2 in (-pi, pi].
-        excess (2,): how far outside [-1, 1] the sine of theta3 and the cosine in theta2 are;
-            positive means that the point cannot be reached, and that root holds NaN.
+        d1 (m), cosine and sine of theta2, cosine and sine of theta3, and how far outside [-1, 1]
+        the sine of theta3 and the cosine in theta2 are: positive means out of reach, and the rest
+        is NaN.
     """
     a0, a2, d2, d3, s1 = parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]
     k = math.sqrt(0.5)
-    roots = np.full((2, 3), np.nan)
-    excess = np.zeros(2)
+    nan = math.nan
     sine3 = (d2 + k * d3 - y) / (k * s1)
-    excess[0] = abs(sine3) - 1.0
-    if excess[0] > 0.0:
-        excess[1] = math.nan
-        return roots, excess
-    theta3 = math.asin(sine3)
-    e = s1 * math.cos(theta3) + a2
+    excess3 = abs(sine3) - 1.0
+    if excess3 > 0.0:
+        return nan, nan, nan, nan, nan, excess3, nan
+    cosine3 = math.sqrt((1.0 - sine3) * (1.0 + sine3))
+    e = s1 * cosine3 + a2
     f = -k * (s1 * sine3 + d3)
-    amplitude = math.hypot(e, f)
-    cosine2 = (x - a0) / amplitude
-    excess[1] = abs(cosine2) - 1.0
-    if excess[1] > 0.0:
-        return roots, excess
-    middle, half = math.atan2(f, e), math.acos(cosine2)
-    for i in range(2):
-        theta2 = wrap_angle(middle + half if i == 0 else middle - half)
-        roots[i, 0] = z + math.sin(theta2) * e - math.cos(theta2) * f
-        roots[i, 1] = theta2
-        roots[i, 2] = theta3
-    return roots, excess
+    amplitude = math.sqrt(e * e + f * f)
+    near = (x - a0) / amplitude
+    excess2 = abs(near) - 1.0
+    if excess2 > 0.0:
+        return nan, nan, nan, nan, nan, excess3, excess2
+    across = side * math.sqrt((1.0 - near) * (1.0 + near))
+    cosine2 = (e * near - f * across) / amplitude
+    sine2 = (f * near + e * across) / amplitude
+    return z + sine2 * e - cosine2 * f, cosine2, sine2, cosine3, sine3, excess3, excess2
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _gimbal_root(parameters, x, y, z, side):
+    """One inverse solution of the gimbal base: the carriage behind the point (+1) or beyond it.
+
+    The first spine point is at (offset + l sin(b) cos(c), -l sin(c), d1 + l cos(b) cos(c)), with
+    b = theta2 as a tilt about Y0 and c = theta3; same returns as `_rail_crane_root`.
+    """
+    offset, length = parameters[0], parameters[1]
+    nan = math.nan
+    sine3 = -y / length
+    excess3 = abs(sine3) - 1.0
+    if excess3 > 0.0:
+        return nan, nan, nan, nan, nan, excess3, nan
+    cosine3 = math.sqrt((1.0 - sine3) * (1.0 + sine3))
+    reach = length * cosine3
+    excess2 = abs(x - offset) - reach if reach == 0.0 else abs(x - offset) / reach - 1.0
+    if excess2 > 0.0:
+        return nan, nan, nan, nan, nan, excess3, excess2
+    sine2 = (x - offset) / reach if reach > 0.0 else 0.0
+    cosine2 = side * math.sqrt((1.0 - sine2) * (1.0 + sine2))
+    return z - reach * cosine2, cosine2, sine2, cosine3, sine3, excess3, excess2
 
 
 @numba.njit(cache=True)
-def gimbal_roots(parameters, x, y, z):
-    """Both inverse solutions of the gimbal base: the carriage behind the point, or beyond it.
+def _base_root(kind, parameters, x, y, z, side):
+    if kind == RAIL_CRANE:
+        return _rail_crane_root(parameters, x, y, z, side)
+    return _gimbal_root(parameters, x, y, z, side)
 
-    The first spine point is at (offset + l sin(b) cos(c), -l sin(c), d1 + l cos(b) cos(c)), with
-    b = theta2 as a tilt about Y0 and c = theta3; same returns as `rail_crane_roots`.
+
+@numba.njit(cache=True)
+def base_roots(kind, parameters, x, y, z):
+    """Both inverse solutions for the first spine point at (x, y, z) m.
+
+    Returns:
+        roots (2, 3): d1 (m), theta2, theta3 (rad); theta2 in (-pi, pi].
+        excess (2,): how far outside [-1, 1] the sine of theta3 and the cosine (or sine) for theta2
+            are; positive means that the point cannot be reached, and the roots hold NaN.
     """
-    offset, length = parameters[0], parameters[1]
     roots = np.full((2, 3), np.nan)
-    excess = np.zeros(2)
-    sine3 = -y / length
-    excess[0] = abs(sine3) - 1.0
-    if excess[0] > 0.0:
-        excess[1] = math.nan
-        return roots, excess
-    theta3 = math.asin(sine3)
-    reach = length * math.cos(theta3)
-    excess[1] = abs(x - offset) - reach if reach == 0.0 else abs(x - offset) / reach - 1.0
-    if excess[1] > 0.0:
-        return roots, excess
-    tilt = math.asin((x - offset) / reach) if reach > 0.0 else 0.0
+    excess = np.empty(2)
     for i in range(2):
-        theta2 = tilt if i == 0 else wrap_angle(math.pi - tilt)
-        roots[i, 0] = z - reach * math.cos(theta2)
-        roots[i, 1] = theta2
-        roots[i, 2] = theta3
+        d1, c2, s2, c3, s3, excess[0], excess[1] = _base_root(
+            kind, parameters, x, y, z, 1.0 - 2.0 * i
+        )
+        if not math.isnan(d1):
+            roots[i, 0] = d1
+            roots[i, 1] = wrap_angle(math.atan2(s2, c2))
+            roots[i, 2] = math.atan2(s3, c3)
     return roots, excess
 
 
@@ -197,28 +219,23 @@ def base_roots_many(kind, parameters, targets):
     """Both inverse solutions for first spine points (N, 3) m: (N, 2, joints), NaN out of reach."""
     result = np.empty((targets.shape[0], 2, 3))
     for i in range(targets.shape[0]):
-        x, y, z = targets[i, 0], targets[i, 1], targets[i, 2]
-        if kind == RAIL_CRANE:
-            result[i] = rail_crane_roots(parameters, x, y, z)[0]
-        else:
-            result[i] = gimbal_roots(parameters, x, y, z)[0]
+        result[i] = base_roots(kind, parameters, targets[i, 0], targets[i, 1], targets[i, 2])[0]
     return result
 
 
 @numba.njit(cache=True)
-def base_inverse(kind, parameters, target, nominal):
-    """The base's joints (3,) that put the first spine point on `target` (3,) m.
+def base_inverse(kind, parameters, x, y, z, nominal_cosine, nominal_sine):
+    """The solution that puts the first spine point at (x, y, z) m, as sines.
 
-    Of two roots the one whose second joint is nearest `nominal` (rad) is taken, after wrapping
-    (at home the report's other root is +70.4 deg; unwrapped it can look nearer).
+    Of the two the one whose second joint points nearest the nominal direction is taken: no matter
+    how many turns apart (at home the report's other root is +70.4 deg).
 
     Returns:
-        joints, and the excess (2,) of `rail_crane_roots`.
+        d1 (m), cosine and sine of theta2, cosine and sine of theta3, and the two excesses of
+        `base_roots`.
     """
-    if kind == RAIL_CRANE:
-        roots, excess = rail_crane_roots(parameters, target[0], target[1], target[2])
-    else:
-        roots, excess = gimbal_roots(parameters, target[0], target[1], target[2])
-    first = abs(wrap_angle(roots[0, 1] - nominal))
-    second = abs(wrap_angle(roots[1, 1] - nominal))
-    return (roots[0] if first <= second else roots[1]), excess
+    first = _base_root(kind, parameters, x, y, z, 1.0)
+    second = _base_root(kind, parameters, x, y, z, -1.0)
+    towards_first = first[1] * nominal_cosine + first[2] * nominal_sine
+    towards_second = second[1] * nominal_cosine + second[2] * nominal_sine
+    return second if towards_second > towards_first else first

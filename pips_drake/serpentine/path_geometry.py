@@ -26,6 +26,10 @@ START, LENGTH, RADIUS, ORIGIN, U, V, COLUMNS = 0, 1, 2, 3, 6, 9, 12
 #: alone would otherwise lose the hit when a vertex lies exactly one module length away (FACTS).
 ON_PIECE_TOLERANCE = 1e-12
 
+#: A point is surely inside a sphere if its squared distance is less than the squared radius by this
+#: (m) times the radius: 500 times what `ON_PIECE_TOLERANCE` and rounding make of a metre.
+_SURELY_INSIDE = 1e-9
+
 
 @numba.njit(cache=True)
 def find_piece(table, s):
@@ -40,20 +44,39 @@ def find_piece(table, s):
     return low
 
 
+@numba.njit(cache=True, error_model="numpy")
+def piece_position(table, piece, local):
+    """Point (x, y, z) m at arc length `local` from the start of a piece."""
+    x, y, z = table[piece, ORIGIN], table[piece, ORIGIN + 1], table[piece, ORIGIN + 2]
+    radius = table[piece, RADIUS]
+    if radius == 0.0:
+        u, v = local, 0.0
+    else:
+        # From the arc's start, by half angles: far from the centre cosines lose what matters.
+        x += radius * table[piece, U]
+        y += radius * table[piece, U + 1]
+        z += radius * table[piece, U + 2]
+        sine = math.sin(0.5 * local / radius)
+        u = -2.0 * radius * sine * sine
+        v = 2.0 * radius * sine * math.cos(0.5 * local / radius)
+    return (
+        x + (u * table[piece, U] + v * table[piece, V]),
+        y + (u * table[piece, U + 1] + v * table[piece, V + 1]),
+        z + (u * table[piece, U + 2] + v * table[piece, V + 2]),
+    )
+
+
 @numba.njit(cache=True)
 def piece_point(table, piece, local, point, tangent):
     """Point (m) and unit tangent at arc length `local` from the start of a piece, in place."""
+    point[0], point[1], point[2] = piece_position(table, piece, local)
     radius = table[piece, RADIUS]
     if radius == 0.0:
-        for k in range(3):
-            point[k] = table[piece, ORIGIN + k] + local * table[piece, U + k]
-            tangent[k] = table[piece, U + k]
+        cosine, sine = 0.0, -1.0
     else:
         cosine, sine = math.cos(local / radius), math.sin(local / radius)
-        for k in range(3):
-            u, v = table[piece, U + k], table[piece, V + k]
-            point[k] = table[piece, ORIGIN + k] + radius * (cosine * u + sine * v)
-            tangent[k] = -sine * u + cosine * v
+    for k in range(3):
+        tangent[k] = -sine * table[piece, U + k] + cosine * table[piece, V + k]
 
 
 @numba.njit(cache=True)
@@ -67,39 +90,35 @@ def points_and_tangents(table, s):
     return points, tangents
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def sphere_line_roots(px, py, pz, ux, uy, uz, cx, cy, cz, radius):
     """Where a line meets a sphere: `(real, t1, t2)` with t1 <= t2 (FTL-95 Eqs 3.5 to 3.8).
 
-    The line is p + t u. With a unit u, t is a length in m; the quadratic's A is then 1, and the
-    midpoint form used here loses fewer digits than -B +- sqrt(B^2 - 4AC).
+    The line is p + t u with a unit u, so that t is a length in m; the quadratic's A is then 1, and
+    the midpoint form used here loses fewer digits than -B +- sqrt(B^2 - 4AC).
     """
     dx, dy, dz = px - cx, py - cy, pz - cz
-    a = ux * ux + uy * uy + uz * uz
-    b = (ux * dx + uy * dy + uz * dz) / a
+    b = ux * dx + uy * dy + uz * dz
     # The foot of the perpendicular, so that radius^2 - foot^2 is computed from small numbers.
     fx, fy, fz = dx - b * ux, dy - b * uy, dz - b * uz
-    half2 = (radius * radius - (fx * fx + fy * fy + fz * fz)) / a
+    half2 = radius * radius - (fx * fx + fy * fy + fz * fz)
     if half2 < 0.0:
         return False, math.nan, math.nan
     half = math.sqrt(half2)
     return True, -b - half, -b + half
 
 
-@numba.njit(cache=True)
-def _line_exit(table, piece, high, centre, radius, slack):
+@numba.njit(cache=True, error_model="numpy")
+def _line_exit(table, piece, high, cx, cy, cz, radius, slack):
     """Where, going back from `high`, a line piece leaves the sphere; -1 if it does not."""
+    px, py, pz = table[piece, ORIGIN], table[piece, ORIGIN + 1], table[piece, ORIGIN + 2]
+    # A sphere is convex: from a point inside it, a line leaves before its start only if the start
+    # lies outside. That spares the root on most pieces (the rounding of both sides is far less).
+    inside = radius * radius - ((px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2)
+    if inside > _SURELY_INSIDE * radius:
+        return -1.0
     real, first, _ = sphere_line_roots(
-        table[piece, ORIGIN],
-        table[piece, ORIGIN + 1],
-        table[piece, ORIGIN + 2],
-        table[piece, U],
-        table[piece, U + 1],
-        table[piece, U + 2],
-        centre[0],
-        centre[1],
-        centre[2],
-        radius,
+        px, py, pz, table[piece, U], table[piece, U + 1], table[piece, U + 2], cx, cy, cz, radius
     )
     # The base-side root: going back from inside a sphere, a line leaves it once, at the smaller t.
     if real and -slack <= first <= high + slack:
@@ -107,23 +126,29 @@ def _line_exit(table, piece, high, centre, radius, slack):
     return -1.0
 
 
-@numba.njit(cache=True)
-def _arc_exit(table, piece, high, centre, radius, slack):
+@numba.njit(cache=True, error_model="numpy")
+def _arc_exit(table, piece, high, cx, cy, cz, radius, slack):
     """Where, going back from `high`, an arc piece leaves the sphere; -1 if it does not."""
     r = table[piece, RADIUS]
-    mx = table[piece, ORIGIN] - centre[0]
-    my = table[piece, ORIGIN + 1] - centre[1]
-    mz = table[piece, ORIGIN + 2] - centre[2]
-    a = mx * table[piece, U] + my * table[piece, U + 1] + mz * table[piece, U + 2]
-    b = mx * table[piece, V] + my * table[piece, V + 1] + mz * table[piece, V + 2]
-    # |m + r (cos u + sin v)|^2 = radius^2  <=>  a cos(phi) + b sin(phi) = c
-    c = (radius * radius - mx * mx - my * my - mz * mz - r * r) / (2.0 * r)
-    amplitude = math.sqrt(a * a + b * b)
-    if amplitude == 0.0 or abs(c) > amplitude:
+    # From the sphere's centre to the arc's start, and its parts along U and V.
+    dx = table[piece, ORIGIN] + r * table[piece, U] - cx
+    dy = table[piece, ORIGIN + 1] + r * table[piece, U + 1] - cy
+    dz = table[piece, ORIGIN + 2] + r * table[piece, U + 2] - cz
+    a = dx * table[piece, U] + dy * table[piece, U + 1] + dz * table[piece, U + 2]
+    b = dx * table[piece, V] + dy * table[piece, V + 1] + dz * table[piece, V + 2]
+    # With t = 2 r tan(phi / 2) the squared distance is that of a line, t^2 + 2 b t + |d|^2, but for
+    # terms in 1 / r: nothing cancels on an arc that is nearly straight.
+    c = dx * dx + dy * dy + dz * dz - radius * radius
+    q = 1.0 - a / r + c / (4.0 * r * r)
+    half2 = b * b - q * c
+    if half2 < 0.0:
         return -1.0
-    # Distance grows towards phi0; outside is |phi - phi0| < delta. Going back one enters the
-    # outside at phi0 + delta, taken in the turn that ends at `high`.
-    phi = math.atan2(b, a) + math.acos(c / amplitude)
+    half = math.sqrt(half2)
+    # Of the two roots the one where the distance falls with phi: going back, one leaves there.
+    if b > 0.0:
+        phi = 2.0 * math.atan2(-(b + half), 2.0 * r * q)
+    else:
+        phi = 2.0 * math.atan2(c, 2.0 * r * (half - b))
     top = (high + slack) / r
     phi -= 2.0 * math.pi * math.ceil((phi - top) / (2.0 * math.pi))
     local = phi * r
@@ -132,9 +157,9 @@ def _arc_exit(table, piece, high, centre, radius, slack):
     return -1.0
 
 
-@numba.njit(cache=True)
-def walk_back(table, piece, local, centre, radius):
-    """The walk of FTL-95 section 3.3.2.1: the first point at `radius` from `centre`, going back.
+@numba.njit(cache=True, error_model="numpy")
+def walk_back(table, piece, local, cx, cy, cz, radius):
+    """The walk of FTL-95 section 3.3.2.1, going back to the first point at `radius` from a centre.
 
     Starts at `local` (m) on `piece`, which lies inside the sphere, and tries one piece after the
     other towards the base.
@@ -146,9 +171,9 @@ def walk_back(table, piece, local, centre, radius):
     while piece >= 0:
         slack = ON_PIECE_TOLERANCE * table[piece, LENGTH]
         if table[piece, RADIUS] == 0.0:
-            hit = _line_exit(table, piece, high, centre, radius, slack)
+            hit = _line_exit(table, piece, high, cx, cy, cz, radius, slack)
         else:
-            hit = _arc_exit(table, piece, high, centre, radius, slack)
+            hit = _arc_exit(table, piece, high, cx, cy, cz, radius, slack)
         if hit >= 0.0:
             return piece, hit
         piece -= 1

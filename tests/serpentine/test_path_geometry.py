@@ -56,9 +56,6 @@ def test_line_and_sphere_meet_in_the_points_that_made_them(centre, aside, other)
     # Rounding of 10 m, magnified by radius over half the chord (200 at most).
     assert t1 == pytest.approx(0.0, abs=1e-12)
     assert t2 == pytest.approx(length, abs=1e-12)
-    # A direction that is not a unit vector only changes the parameter's scale.
-    _, u1, u2 = sphere_line_roots(*first, *chord, *centre, radius)
-    assert (u1 * length, u2 * length) == pytest.approx((t1, t2), abs=1e-12)
 
 
 def test_a_tangent_line_has_one_root_and_a_passing_line_none():
@@ -116,7 +113,7 @@ def test_the_walk_finds_the_first_point_that_scanning_finds(seed):
     for s, radius in zip(rng.uniform(1.0, path.length, 25), rng.uniform(0.1, 0.9, 25), strict=True):
         piece = find_piece(path.pieces, s)
         found, local = walk_back(
-            path.pieces, piece, s - path.pieces[piece, START], path.point(s), radius
+            path.pieces, piece, s - path.pieces[piece, START], *path.point(s), radius
         )
         expected = first_exit(path, s, radius)
         # Bisection ends at rounding; where the path leaves the sphere at a grazing angle of down
@@ -127,7 +124,7 @@ def test_the_walk_finds_the_first_point_that_scanning_finds(seed):
 def test_a_path_that_stays_inside_the_sphere_has_no_exit():
     path = winding_path(1)
     piece = len(path.pieces) - 1
-    found, local = walk_back(path.pieces, piece, 0.01, path.point(path.length), 100.0)
+    found, local = walk_back(path.pieces, piece, 0.01, *path.point(path.length), 100.0)
     assert found == -1
     assert math.isnan(local)
 
@@ -140,7 +137,7 @@ def test_a_circle_smaller_than_the_sphere_is_passed_over():
         .arc(radius=0.3, angle=2.0 * math.pi, toward=[1.0, 0.0, 0.0])
         .build("loop")
     )
-    found, local = walk_back(path.pieces, 1, path.pieces[1, LENGTH], path.point(path.length), 0.7)
+    found, local = walk_back(path.pieces, 1, path.pieces[1, LENGTH], *path.point(path.length), 0.7)
     assert found == 0
     assert local == pytest.approx(1.3, abs=1e-14)
 
@@ -172,7 +169,7 @@ def test_a_vertex_exactly_one_module_length_away_is_found(radius, bend_deg):
         rounded = float(np.linalg.norm(vertices[2] - vertices[1]))
         for reach in (radius, rounded, np.nextafter(rounded, 0), np.nextafter(rounded, 9)):
             for piece, local in ((1, path.pieces[1, LENGTH]), (2, 0.0)):
-                found, where = walk_back(path.pieces, piece, local, vertices[2], reach)
+                found, where = walk_back(path.pieces, piece, local, *vertices[2], reach)
                 assert found in (0, 1)
                 s = path.pieces[found, START] + where
                 # The vertex to within rounding of metres; seen from it at `bend` degrees off the
@@ -189,7 +186,7 @@ def test_the_paths_very_start_one_module_length_away_is_found(radius):
         path = polyline_path([start, start + radius * direction, start + direction], "start")
         for piece, local in ((0, path.pieces[0, LENGTH]), (1, 0.0)):
             found, where = walk_back(
-                path.pieces, piece, local, start + radius * direction, path.pieces[0, LENGTH]
+                path.pieces, piece, local, *(start + radius * direction), path.pieces[0, LENGTH]
             )
             assert found == 0
             assert where == pytest.approx(0.0, abs=1e-15 + 1e-12 * radius)
@@ -211,7 +208,7 @@ def test_the_joint_of_line_and_arc_one_module_length_away_is_found(angle_deg):
         # From the arc's end its beginning is one chord away: 2 r sin(angle / 2).
         chord = 1.4 * math.sin(0.5 * math.radians(angle_deg))
         for piece, local in ((1, path.pieces[1, LENGTH]), (2, 0.0)):
-            found, where = walk_back(path.pieces, piece, local, path.point(end), chord)
+            found, where = walk_back(path.pieces, piece, local, *path.point(end), chord)
             assert path.pieces[found, START] + where == pytest.approx(1.0, abs=1e-13)
 
 

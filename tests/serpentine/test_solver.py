@@ -6,13 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.path_geometry import find_piece
-from pips_drake.serpentine.solver import fit_spine, module_inverse, module_length
+from pips_drake.serpentine.solver import LANES, fit_spines, module_length, place_tips
 from pips_drake.serpentine.tip_path import PathBuilder, TipPath
 
 INCH = 0.0254
@@ -25,14 +23,15 @@ def test_a_module_is_the_third_side_of_its_triangle():
     assert module_length(0.0, 2.0, 1.234) == 2.0
 
 
-@given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(0.0, 0.1), st.floats(0.2, 0.6))
-def test_module_angles_come_back_from_the_end_of_the_module(even, odd, offset, length):
-    """The module's end: along by Delta + S cos(odd) in the plane that `even` tilts, up by S sin."""
-    along, up = offset + length * math.cos(odd), length * math.sin(odd)
-    x, y, z = along * math.cos(even), up, -along * math.sin(even)
-    found = module_inverse(x, y, z, offset)
-    # At odd = 1.5 rad the plane of `even` is known from a seventieth of the length.
-    assert found == pytest.approx((even, odd), abs=1e-13)
+def fit(path, s_tips, lengths):
+    """Spine points (N, M + 1, 3) m, their arc lengths and the missing modules, of N lanes."""
+    lanes, modules = len(s_tips), lengths.shape[1]
+    spine, arcs = np.full((modules + 1, 3, lanes), np.nan), np.empty((modules + 1, lanes))
+    tip_piece, piece, missing = np.empty((3, lanes), dtype=np.int64)
+    place_tips(path.pieces, s_tips, spine, arcs, tip_piece)
+    running = np.full(lanes, True)
+    fit_spines(path.pieces, tip_piece, lengths.T.copy(), running, spine, arcs, piece, missing)
+    return spine.transpose(2, 0, 1), arcs.T, missing
 
 
 @pytest.mark.parametrize("modules", [1, 7, 11])
@@ -40,24 +39,44 @@ def test_module_angles_come_back_from_the_end_of_the_module(even, odd, offset, l
 def test_fitted_spine_points_lie_on_the_path_one_module_length_apart(modules, name):
     path = load_path(name)
     rng = np.random.default_rng(modules)
-    for s in rng.uniform(path.home_arc_length, path.length, 20):
-        lengths = rng.uniform(0.25, 0.4, modules)
-        spine, arcs = np.empty((modules + 1, 3)), np.empty(modules + 1)
-        assert fit_spine(path.pieces, s, lengths, spine, arcs) == -1
-        np.testing.assert_allclose(path.point(arcs), spine, rtol=0, atol=1e-14)
-        steps = np.linalg.norm(np.diff(spine, axis=0), axis=1)
-        # Rounding of coordinates up to 5 m.
-        np.testing.assert_allclose(steps, lengths, rtol=0, atol=1e-14)
-        assert np.all(np.diff(arcs) > 0.0)
-        assert arcs[-1] == s
+    s_tips = rng.uniform(path.home_arc_length, path.length, 20)
+    lengths = rng.uniform(0.25, 0.4, (20, modules))
+    spine, arcs, missing = fit(path, s_tips, lengths)
+    np.testing.assert_array_equal(missing, -1)
+    for lane in range(20):
+        np.testing.assert_allclose(path.point(arcs[lane]), spine[lane], rtol=0, atol=1e-14)
+    steps = np.linalg.norm(np.diff(spine, axis=1), axis=2)
+    # Rounding of coordinates up to 5 m.
+    np.testing.assert_allclose(steps, lengths, rtol=0, atol=1e-14)
+    assert np.all(np.diff(arcs, axis=1) > 0.0)
+    np.testing.assert_array_equal(arcs[:, -1], s_tips)
 
 
 def test_a_path_too_short_names_the_module_that_finds_nothing():
     path = (PathBuilder(start=[0, 0, 0], direction=[0, 0, 1]).line(1.0)).build("short")
-    spine, arcs = np.empty((5, 3)), np.empty(5)
     # From the tip at 1 m: 0.3 m modules end at 0.7, 0.4, 0.1; the fourth (index 0) does not.
-    assert fit_spine(path.pieces, 1.0, np.full(4, 0.3), spine, arcs) == 0
-    assert fit_spine(path.pieces, 0.5, np.full(4, 0.3), spine, arcs) == 2
+    _, arcs, missing = fit(path, np.array([1.0, 0.5, 1.0]), np.full((3, 4), 0.3))
+    np.testing.assert_array_equal(missing, [0, 2, 0])
+    # One lane's end does not end the others.
+    np.testing.assert_array_equal(arcs[0, 1:], arcs[2, 1:])
+
+
+@pytest.mark.parametrize("count", [1, 2, LANES - 1, LANES, LANES + 1, 3 * LANES + 5])
+def test_a_posture_does_not_depend_on_which_others_are_solved_beside_it(count, arm):
+    path = load_path("trajectory_4")
+    # Some have no solution, others take two to six iterations.
+    s_tips = np.random.default_rng(count).uniform(3.5, path.length, count)
+    solver = FollowTheLeader(arm)
+    together = solver.solve(path, s_tips)
+    for i, s in enumerate(s_tips):
+        alone = solver.solve(path, [s])
+        assert together.status[i] == alone.status[0]
+        assert together.iterations[i] == alone.iterations[0]
+        np.testing.assert_array_equal(together.joints[i], alone.joints[0])
+        np.testing.assert_array_equal(together.spine_points[i], alone.spine_points[0])
+        np.testing.assert_array_equal(together.spine_arc_lengths[i], alone.spine_arc_lengths[0])
+        np.testing.assert_array_equal(together.module_lengths[i], alone.module_lengths[0])
+        assert together.spine_error[i] == alone.spine_error[0]
 
 
 def gentle_path() -> TipPath:

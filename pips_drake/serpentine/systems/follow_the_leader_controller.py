@@ -51,7 +51,7 @@ class FollowTheLeaderController(LeafSystem):
     State: none in converged mode. In the report's mode (tolerance above 1e-9 in) the module lengths
     (M,) m are discrete state, updated every `period` s.
 
-    The rates are exact derivatives along the path (`solver.joint_rates`), not differences.
+    The rates are exact derivatives along the path (`joint_rates`), not differences.
 
     Args:
         solver: arm, tolerance and iteration limit.
