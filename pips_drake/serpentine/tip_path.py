@@ -177,11 +177,10 @@ class PathBuilder:
             raise InputError(f"PathBuilder.arc: radius = {radius} m; must be > 0")
         if not 0.0 < angle <= 2.0 * math.pi:
             raise InputError(f"PathBuilder.arc: angle = {angle} rad; must be in (0, 2 pi]")
-        aside = _vector(toward, "toward")
-        aside = aside - np.dot(aside, self._direction) * self._direction
-        if not np.linalg.norm(aside) > 1e-9:
+        side = _vector(toward, "toward")
+        if not np.linalg.norm(side - np.dot(side, self._direction) * self._direction) > 1e-9:
             raise InputError("PathBuilder.arc: toward lies along the path; must point aside")
-        inward = _unit(aside, "toward")
+        inward = _square_part(side, self._direction)
         centre = self._point + radius * inward
         self._append(_arc_row(self._length, centre, -inward, self._direction, radius, angle))
         cosine, sine = math.cos(angle), math.sin(angle)
@@ -280,9 +279,7 @@ def blended_path(points: ArrayLike, name: str, *, corner_deviation: float = math
             point = point + straight * directions[i - 1]
         if tangent_length > 0.0:
             radius = tangent_length / math.tan(0.5 * turn)
-            inward = _unit(
-                directions[i] - np.dot(directions[i], directions[i - 1]) * directions[i - 1], "turn"
-            )
+            inward = _square_part(directions[i], directions[i - 1])
             centre = point + radius * inward
             rows.append(_arc_row(travelled, centre, -inward, directions[i - 1], radius, turn))
             travelled += radius * turn
@@ -343,6 +340,17 @@ def _unit(vector: ArrayLike, name: str) -> Array:
     if not size > 0.0:
         raise InputError(f"{name} = {array}; must not be zero")
     return array / size
+
+
+def _square_part(vector: Array, direction: Array) -> Array:
+    """Unit vector of the part of a vector that is square to a unit direction.
+
+    Taken twice: where the vector all but points along the direction, the first difference is square
+    to it only in the few digits that are left.
+    """
+    for _ in range(2):
+        vector = _unit(vector - np.dot(vector, direction) * direction, "side")
+    return vector
 
 
 def _line_row(start: float, point: Array, direction: Array, length: float) -> Array:

@@ -250,6 +250,22 @@ def test_the_marks_of_a_blended_path_are_the_tables_points_in_order(name):
     assert gaps.max() <= path.deviation + 1e-12
 
 
+@pytest.mark.parametrize("aside", [1e-6, 2.54e-5, 1e-3])
+def test_arcs_that_are_all_but_straight_are_circles_all_the_same(aside):
+    """Rows rounded to 0.001 in give radii of kilometres, where a direction that is square only to
+    1e-12 would bend the circle by nanometres."""
+    points = np.array([[0.4, 0.0, 0.0], [0.4, 0.0, 4.0], [0.5, aside, 4.3], [0.6, 0.0, 4.6]])
+    blended = blended_path(points, "nearly straight").pieces
+    built = PathBuilder(start=[0.0, 0.0, 0.0], direction=[1.0, 2.0, 3.0]).line(1.0)
+    built.arc(radius=0.1 / aside, angle=aside, toward=[1.0, 2.0, 3.0 + aside])
+    arcs = np.vstack([blended, built.build("built").pieces])
+    arcs = arcs[arcs[:, 2] > 0.0]
+    assert arcs[:, 2].max() > 0.05 / aside
+    u, v = arcs[:, 6:9], arcs[:, 9:12]
+    np.testing.assert_allclose(np.sum(u * v, axis=1), 0.0, atol=4e-16)
+    np.testing.assert_allclose(np.linalg.norm(u, axis=1), 1.0, rtol=0, atol=4e-16)
+
+
 def test_blending_a_straight_line_changes_nothing():
     straight = np.array([[0, 0, 0], [0, 0, 4.0], [0, 0, 4.1], [0, 0, 4.3]])
     path = blended_path(straight, "straight")
