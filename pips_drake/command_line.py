@@ -56,13 +56,23 @@ _NUMBERS = {
 def complaint_in(box: str) -> str:
     """tyro's box of several lines as one line: what is wrong, and where the help is."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
-    lines = [line.strip("│ ") for line in plain.splitlines() if not line.startswith(("╭", "╰"))]
-    # Rules divide what is wrong, help on the option, and where there is more help.
-    parts = [" ".join(part.split()) for part in re.split(r"\n?─{3,}\n?", "\n".join(lines))]
+    # Rules divide the title, what is wrong, help on the option, and where there is more help. Where
+    # the output is not UTF-8 there is no box, and rules are of hyphens.
+    rule = re.compile(r"[-─╭╮╰╯] ?.*[-─]{3,}[╮╯]?")
+    lines = [line.strip("│ ") for line in plain.splitlines()]
+    if lines and not rule.fullmatch(lines[0]):
+        del lines[0]
+    blocks: list[list[str]] = [[]]
+    for line in lines:
+        if rule.fullmatch(line):
+            blocks.append([])
+        elif line:
+            blocks[-1].append(line)
+    parts = [" ".join(" ".join(block).split()) for block in blocks if block] or ["no words"]
     where = re.search(r"pips [\w ]*--help", parts[-1])
     wrong = parts[0]
     if wrong.startswith("Missing from "):  # then comes the option, and then its help
-        missing = [line for line in lines if line][:2]
+        missing = next(block for block in blocks if block)
         wrong = f"{missing[0].removeprefix('Missing from pips ')} {missing[1]} is missing"
     option = re.match(r"Error parsing (-\S+):", wrong)
     for pattern, allowed in _NUMBERS.items():

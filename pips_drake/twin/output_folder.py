@@ -204,7 +204,8 @@ def _exchange(one: Path, other: Path) -> bool:
     if function(*arguments) == 0:
         return True
     number = ctypes.get_errno()
-    if number in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):  # not on this file system
+    # Not on this file system.
+    if number in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EXDEV):
         return False
     raise OSError(number, os.strerror(number), str(other))
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
-from pips_drake.scene.packages import find_arm_file
+from pips_drake.config import dump_yaml
+from pips_drake.errors import InputError
+from pips_drake.scenarios import load_scenario
+from pips_drake.scene.packages import find_arm_file, find_path_file
+from pips_drake.serpentine.arm import load_arm
+from pips_drake.serpentine.path_file import load_path
+from pips_drake.serpentine.scenario import SerpentineScenario
 
 # In a fresh checkout the first command of each kind waits for numba's compilation.
 pytestmark = pytest.mark.timeout(300)
@@ -52,6 +60,15 @@ SCENARIOS: dict[str, tuple[dict[str, Any], str]] = {
     "far away": (dict(mounting_position_m=[0, 0, 1e9]), "must be 3 numbers within +-1000"),
     "flat": (dict(mounting_position_m=[0, 0]), "mounting_position_m = [0.0, 0.0]; must be 3"),
     "blind": (dict(checks=dict(clearance_min_mm=501)), "must be > the clearances that checks"),
+    **{
+        f"negative {key}": (dict(checks={key: -0.1}), f"checks.{key} = -0.1; must be >= 0")
+        for key in (
+            "clearance_min_mm",
+            "self_clearance_min_mm",
+            "joint_overrun_max_deg",
+            "rail_overrun_max_mm",
+        )
+    },
     "nothing allowed": (dict(checks=dict(force_fraction_max=0)), "force_fraction_max = 0.0; must"),
 }
 
@@ -86,7 +103,7 @@ FILES: dict[str, tuple[bytes, str]] = {
     # Ten lines that stand for 10^9 values: what looks at each of them would never end.
     "a bomb of lists": (bomb("[1]", "[{}]"), "stands for over 100000 values"),
     "a bomb of merges": (bomb("{{x: 1}}", "{{<<: [{}]}}"), "stands for over 100000 values"),
-    "long": (b"#" * 500_001, "size = 500001 bytes; must be <= 500000"),
+    "too long": (b"#" * 500_001, "size = 500001 bytes; must be <= 500000"),
     "a long key": (b"k" * 1000 + b": 1\n", "no key 'machine'"),
     "a long name": (b"machine: " + b"k" * 99_999, "unknown machine 'kkk"),
     "UTF-16": ("machine: serpentine\n".encode("utf-16"), "not a text file in UTF-8"),
@@ -164,9 +181,104 @@ def test_a_bad_arm_is_refused(assert_refused, pips_here, tmp_path, case):
         ["follow", "trajectory_4", "--arm", "bad.yaml"],
         ["check", "trajectory_4", "--arm", "bad.yaml"],
         ["simulate", "scenario.yaml"],
+        ["export", "bad.yaml"],
     ):
         outcome = pips_here(*command)
         assert_refused(outcome, tmp_path, {"bad.yaml", "scenario.yaml"}, "bad.yaml: ", words)
+
+
+def mappings(data: Any, where: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every mapping in plain data, by the name that messages give it."""
+    if isinstance(data, dict):
+        yield where, data
+        for key, item in data.items():
+            yield from mappings(item, f"{where}.{key}" if where else key)
+    elif isinstance(data, list):
+        for index, item in enumerate(data):
+            yield from mappings(item, f"{where}[{index}]")
+
+
+def numbers(data: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Every number that is no whole one in plain data: its name, and where to put another."""
+    items = data.items() if isinstance(data, dict) else enumerate(data)
+    for key, item in items:
+        dotted = f"{where}.{key}" if where else key
+        name = dotted if isinstance(data, dict) else f"{where}[{key}]"
+        if isinstance(item, dict | list):
+            yield from numbers(item, name)
+        elif isinstance(item, float):
+            yield name, data, key
+
+
+def whole_scenario() -> Any:
+    return yaml.safe_load(dump_yaml(SerpentineScenario(path="trajectory_4")))
+
+
+#: Good files with every key that there is: how to make one, and how to read it.
+WHOLE: dict[str, tuple[Callable[[], Any], Callable[[Path], Any]]] = {
+    "arm": (lambda: yaml.safe_load(find_arm_file("prototype").read_text()), load_arm),
+    "path": (lambda: yaml.safe_load(find_path_file("trajectory_4_arcs").read_text()), load_path),
+    "scenario": (whole_scenario, lambda file: load_scenario(str(file))),
+}
+
+
+def message(read: Callable[[Path], Any], file: Path, data: Any) -> str:
+    """What is said of the data in a file."""
+    file.write_text(yaml.safe_dump(data))
+    with pytest.raises(InputError) as caught:
+        read(file)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_an_unknown_key_is_refused_at_every_level_and_said_where(tmp_path, kind):
+    make, read = WHOLE[kind]
+    file = tmp_path / "file.yaml"
+    # Names of boxes are free.
+    places = [where for where, _ in mappings(make()) if where != "boxes"]
+    assert len(places) >= {"arm": 38, "path": 4, "scenario": 8}[kind]
+    for where in places:
+        data = make()
+        dict(mappings(data))[where]["nothing"] = 1
+        said = message(read, file, data)
+        place = f"{where}: " if where else ""
+        assert said.startswith(f"{file}: {place}unknown key 'nothing'"), said
+        assert "; known: " in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_number_that_is_none_is_refused_wherever_it_stands(tmp_path, kind):
+    make, read = WHOLE[kind]
+    file = tmp_path / "file.yaml"
+    places = [where for where, _, _ in numbers(make())]
+    assert len(places) >= {"arm": 100, "path": 9, "scenario": 30}[kind]
+    for index, place in enumerate(places):
+        value = (float("nan"), float("inf"), float("-inf"))[index % 3]
+        data = make()
+        (found,) = ((holder, key) for where, holder, key in numbers(data) if where == place)
+        found[0][found[1]] = value
+        said = message(read, file, data)
+        assert said == f"{file}: {place} = {value}; must be a finite number"
+
+
+@pytest.mark.slow
+def test_no_mass_length_stiffness_or_limit_of_an_arm_may_be_negative_or_zero(tmp_path):
+    make, read = WHOLE["arm"]
+    file, count = tmp_path / "file.yaml", 0
+    words = ("mass", "length", "width", "stiffness", "anchor", "limit", "size")
+    for place, _, _ in list(numbers(make())):
+        if not any(word in place for word in words):
+            continue
+        for value in (-1.0, 0.0):
+            data = make()
+            (found,) = ((holder, key) for where, holder, key in numbers(data) if where == place)
+            found[0][found[1]] = value
+            said = message(read, file, data)
+            assert place.rpartition(".")[2].partition("[")[0] in said, (place, said)
+            assert "> 0" in said
+        count += 1
+    assert count >= 40
 
 
 def model(link: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -183,14 +184,68 @@ def test_so_it_is_from_a_shell(assert_refused, pips, tmp_path, words):
     assert_refused(outcome, tmp_path, set())
 
 
-@pytest.mark.parametrize(
-    "words", ["", "nothing", "follow", "follow a b", "follow a --nothing", "follow a --step_in x"]
-)
-def test_a_command_line_that_cannot_be_read_exits_2_and_points_at_the_help(
-    pips_here, tmp_path, words
-):
-    outcome = pips_here(*words.split())
-    assert outcome.code == 2
-    assert outcome.out == ""
-    assert "--help" in outcome.err
-    assert "Traceback" not in outcome.err
+#: Command lines that cannot be read, and what is said of them.
+UNREADABLE = {
+    "": "Expected one of {follow, check, simulate, view, list, export}; see pips --help",
+    "nothing": "Unrecognized options: nothing; known: follow, check, simulate, view, list, export",
+    "follow": "follow: PATH is missing; see pips follow --help",
+    "simulate": "simulate: SCENARIO is missing; see pips simulate --help",
+    "follow a b": "Unrecognized options: b; see pips --help",
+    "follow a --nothing": "Unrecognized options: --nothing; see pips --help",
+    "follow a --step_in x": "--step_in 'x': must be a number; see pips --help",
+    "follow a --tolerance_in 1,5": "--tolerance_in '1,5': must be a number; see pips --help",
+    "follow a --max_iterations 1.5": "--max_iterations '1.5': must be a whole number; see pips",
+    "check a --scene": "Missing value for argument '--scene'. Expected 1 values; see pips check",
+}
+
+
+@pytest.mark.parametrize("words", UNREADABLE)
+def test_a_command_line_that_cannot_be_read_is_refused(assert_refused, pips_here, tmp_path, words):
+    said = f"pips: {UNREADABLE[words]}"
+    assert_refused(pips_here(*words.split()), tmp_path, set(), said, "--help")
+
+
+@pytest.mark.slow
+def test_so_it_is_on_a_terminal_that_draws_boxes(assert_refused, tmp_path, pips, monkeypatch):
+    for encoding in ("utf-8", "ascii"):
+        monkeypatch.setenv("PYTHONIOENCODING", encoding)
+        for words in UNREADABLE:
+            outcome = pips(*words.split(), cwd=tmp_path)
+            assert_refused(outcome, tmp_path, set(), f"pips: {UNREADABLE[words]}", "--help")
+
+
+def test_a_current_directory_that_is_gone_is_refused(assert_refused, pips_here, tmp_path):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    os.chdir(gone)
+    gone.rmdir()
+    for words in (["follow", "trajectory_4"], ["check", "trajectory_4"], ["list"]):
+        said = "the current directory cannot be used (No such file or directory); go to another"
+        assert_refused(pips_here(*words), tmp_path, set(), said)
+
+
+def test_what_is_no_plain_file_is_never_read(assert_refused, pips_here, tmp_path):
+    """Reading a pipe or /dev/zero would not end."""
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("pipe", "/dev/zero", "/dev/stdin"):
+        for words in (*([command] for command in (*COMMANDS, "export", "view")), [*ARM]):
+            outcome = pips_here(*words, name)
+            assert_refused(outcome, tmp_path, {"pipe"}, f"'{name}'; known: ")
+
+
+ARM = ("follow", "trajectory_4", "--arm")
+
+#: Models that `pips view` cannot show.
+MODELS: dict[str, tuple[bytes, str]] = {
+    "empty.sdf": (b"", "empty.sdf: "),
+    "broken.sdf": (b"<sdf><model", "broken.sdf: "),
+    "binary.urdf": (bytes(range(256)), "binary.urdf: "),
+    "table.csv": (GOOD.encode(), "table.csv: "),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_bad_model_is_refused(assert_refused, pips_here, tmp_path, name):
+    content, words = MODELS[name]
+    (tmp_path / name).write_bytes(content)
+    assert_refused(pips_here("view", name, "--once"), tmp_path, {name}, words)

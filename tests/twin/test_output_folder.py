@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pips_drake.errors import InputError
+from pips_drake.twin import output_folder as module
 from pips_drake.twin.output_folder import output_folder, write_whole
 
 
@@ -140,3 +141,118 @@ def test_a_link_is_followed(tmp_path: Path) -> None:
         write_result(folder, "new")
     assert link.is_symlink()
     assert (real / "summary.json").read_text() == "new"
+
+
+def killed(target: Path, *, replaced: bool = False) -> Path:
+    """What a run to the target leaves behind that was killed with no chance to clean up."""
+    workplace = target.parent / f".{target.name}.ab3_d_9z.partial"
+    (workplace / target.name / "figures").mkdir(parents=True)
+    if replaced:
+        target.rename(workplace / f"{target.name}.replaced")
+    return workplace
+
+
+def test_the_next_run_removes_what_a_killed_one_left(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    leftover = killed(target)
+    with output_folder(target) as folder:
+        assert not leftover.exists()
+        write_result(folder)
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_leftovers_go_even_when_the_run_is_refused(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    write_result(target)
+    killed(target)
+    with pytest.raises(InputError, match="exists"), output_folder(target):
+        pytest.fail("work was begun")
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_what_a_living_run_writes_is_left_alone(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    with output_folder(target) as first:
+        write_result(first, "first")
+        with output_folder(target) as second:
+            write_result(second, "second")
+            assert first.is_dir()
+        assert first.is_dir()
+        (target / "summary.json").unlink()
+        (target / "figures").rmdir()
+        target.rmdir()
+    assert (target / "summary.json").read_text() == "first"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("name", [".out.partial", ".out.backups_.partial", "out.ab3_d_9z.partial"])
+def test_folders_of_other_people_are_no_leftovers(tmp_path: Path, name: str) -> None:
+    (tmp_path / name / "thesis").mkdir(parents=True)
+    with output_folder(tmp_path / "out") as folder:
+        write_result(folder)
+    assert (tmp_path / name / "thesis").is_dir()
+
+
+def test_a_result_that_was_being_replaced_comes_back(tmp_path: Path) -> None:
+    """Killed between two renames, on a file system that cannot exchange folders."""
+    target = tmp_path / "out"
+    target.mkdir()
+    write_result(target, "old")
+    killed(target, replaced=True)
+    with pytest.raises(InputError, match="exists"), output_folder(target):
+        pytest.fail("work was begun")
+    assert (target / "summary.json").read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_with_force_the_target_is_there_at_every_moment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The target is never renamed away: one system call exchanges it (Linux, macOS)."""
+    target = tmp_path / "out"
+    target.mkdir()
+    write_result(target, "old")
+    rename = Path.rename
+
+    def guarded(self: Path, to: Path) -> Path:
+        assert self != target, "for a moment there is no result"
+        return rename(self, to)
+
+    monkeypatch.setattr(Path, "rename", guarded)
+    with output_folder(target, force=True) as folder:
+        write_result(folder, "new")
+    assert (target / "summary.json").read_text() == "new"
+
+
+def test_force_also_works_where_folders_cannot_be_exchanged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_exchange", lambda one, other: False)
+    test_force_replaces_an_earlier_result_whole(tmp_path)
+
+
+def test_a_second_interrupt_does_not_stop_the_cleaning_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remove, calls = module.shutil.rmtree, []
+
+    def impatient(*args: object, **kwargs: object) -> None:
+        calls.append(args)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        remove(*args, **kwargs)
+
+    monkeypatch.setattr(module.shutil, "rmtree", impatient)
+    with pytest.raises(KeyboardInterrupt), output_folder(tmp_path / "out"):
+        raise KeyboardInterrupt
+    assert len(calls) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(InputError), output_folder(tmp_path / "a" / "out"):
+        pytest.fail("work was begun")
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a", "b"]
