@@ -1,0 +1,48 @@
+"""The serpentine station, and the parts that it is composed of, for diagrams of your own."""
+
+from pips_drake.serpentine.station.actuation import ActuationPorts, AddActuation
+from pips_drake.serpentine.station.camera import (
+    AddCameraPointer,
+    AddCameraStation,
+    camera_target,
+    make_camera,
+)
+from pips_drake.serpentine.station.plant import (
+    BASE_FRAME,
+    AddSerpentineArm,
+    gravity_in_frame_0,
+    make_plant,
+    plant_time_step,
+)
+from pips_drake.serpentine.station.setup import (
+    SerpentineSetup,
+    arm_pose,
+    load_setup,
+    mounting_pose,
+)
+from pips_drake.serpentine.station.station import (
+    VISUAL_PERIOD,
+    MakeSerpentineStation,
+    MakeSimulator,
+)
+
+__all__ = [
+    "BASE_FRAME",
+    "VISUAL_PERIOD",
+    "ActuationPorts",
+    "AddActuation",
+    "AddCameraPointer",
+    "AddCameraStation",
+    "AddSerpentineArm",
+    "MakeSerpentineStation",
+    "MakeSimulator",
+    "SerpentineSetup",
+    "arm_pose",
+    "camera_target",
+    "gravity_in_frame_0",
+    "load_setup",
+    "make_camera",
+    "make_plant",
+    "mounting_pose",
+    "plant_time_step",
+]

@@ -1,0 +1,76 @@
+"""What a scenario names, loaded, and where it stands in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydrake.math import RigidTransform, RotationMatrix
+
+from pips_drake.scene.packages import find_arm_file, find_path_file, find_scene_file
+from pips_drake.serpentine.anchoring import anchor_path
+from pips_drake.serpentine.arm import SerpentineArm, load_arm
+from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.mounting import mounting_rotation
+from pips_drake.serpentine.path_file import load_path
+from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.tip_path import TipPath
+from pips_drake.units import INCH
+
+
+@dataclass(frozen=True, kw_only=True)
+class SerpentineSetup:
+    """What a scenario names, loaded: the arm, its path, the solver and the scene's file.
+
+    Attributes:
+        path: in the arm's frame {0}.
+        rail_shift: how far along z0 the arm's frame {0} stands from the scene's `frame_0`, m; not
+            0 for an arm whose rail is placed for the path (`anchoring`).
+    """
+
+    arm: SerpentineArm
+    path: TipPath
+    solver: FollowTheLeader
+    scene_file: Path | None
+    rail_shift: float = 0.0
+
+
+def load_setup(
+    scenario: SerpentineScenario, *, folder: Path | None = None, scene_file: Path | None = None
+) -> SerpentineSetup:
+    """Loads the arm, path and scene of a scenario; relative files are looked for in `folder`.
+
+    Args:
+        scene_file: stands for the scenario's scene, wherever it lies.
+
+    Raises:
+        InputError: a name is unknown, or a file cannot be used.
+    """
+    arm = load_arm(find_arm_file(scenario.arm, inside=folder))
+    drawn_path = load_path(
+        find_path_file(scenario.path, inside=folder),
+        smooth=scenario.corner_deviation_in > 0.0,
+        corner_deviation=scenario.corner_deviation_in * INCH,
+    )
+    path, rail_shift = anchor_path(arm, drawn_path)
+    solver = FollowTheLeader(
+        arm,
+        tolerance=scenario.solver.tolerance_in * INCH,
+        max_iterations=scenario.solver.max_iterations,
+    )
+    if scene_file is None and scenario.scene:
+        scene_file = find_scene_file(scenario.scene, inside=folder)
+    return SerpentineSetup(
+        arm=arm, path=path, rail_shift=rail_shift, solver=solver, scene_file=scene_file
+    )
+
+
+def mounting_pose(scenario: SerpentineScenario) -> RigidTransform:
+    """Pose in the world of `frame_0`, in which scenes and paths are given."""
+    rotation = RotationMatrix(mounting_rotation(scenario.mounting))
+    return RigidTransform(rotation, scenario.mounting_position_m)
+
+
+def arm_pose(scenario: SerpentineScenario, setup: SerpentineSetup) -> RigidTransform:
+    """Pose X_W0 of the arm's frame {0} in the world."""
+    return mounting_pose(scenario) @ RigidTransform([0.0, 0.0, setup.rail_shift])

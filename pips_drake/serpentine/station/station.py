@@ -1,0 +1,164 @@
+"""The serpentine station: arm, scene, follow-the-leader, actuators and monitor as one diagram."""
+
+from __future__ import annotations
+
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from pips_drake.serpentine.motion_profile import RestToRestProfile
+from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.station.actuation import AddActuation
+from pips_drake.serpentine.station.camera import CAMERA_PORTS, AddCameraPointer, AddCameraStation
+from pips_drake.serpentine.station.plant import make_plant
+from pips_drake.serpentine.station.setup import SerpentineSetup, load_setup
+from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
+from pips_drake.serpentine.systems.follow_the_leader_controller import FollowTheLeaderController
+from pips_drake.serpentine.systems.tip_path_source import TipPathSource
+from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
+
+#: How often a run's drawn actuators move, s.
+VISUAL_PERIOD = 1.0 / 32.0
+
+
+def MakeSerpentineStation(
+    scenario: SerpentineScenario, *, setup: SerpentineSetup | None = None
+) -> Diagram:
+    """The station of a scenario: a finished diagram, not yet simulated.
+
+    Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
+    `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
+    `setpoint_hold` (if the plant is discrete), `setpoint_interpolator`, `deflection_compensator`
+    (if compensated), `clearance_monitor`, `actuator_visualizer`; and with a camera `camera_pointer`
+    and `camera_station`.
+
+    Input port: `tip_path_source.command` (1,), optional.
+
+    Output ports, as `<system>.<port>` (each is described at its system): `tip_path_source.tip`,
+    `tip_path_source.phase`, `follow_the_leader.joint_state`, `follow_the_leader.solution`,
+    `actuator_length_map.drive_state`, `actuator_servo.setpoint`, `actuator_servo.saturation`,
+    `actuator_force_map.drive_effort`, `clearance_monitor.clearance`, `clearance_monitor.witness`;
+    and of the plant and scene graph `plant.state` (2 J,) of the arm, `plant.net_actuation` (J,),
+    `scene_graph.query`. With a camera also `camera_pointer.joint_state` (2 J,), which the drives
+    then follow, `camera_pointer.pan_tilt` (2,), `camera_station.camera_pose`,
+    `camera_station.color_image` and `camera_station.depth_image`; for the images the scene graph
+    needs a renderer (`AddCameraStation`).
+
+    Latencies: a source's update is seen by the controller at once, by the servo at its next update
+    (one control period, 1/64 s by default), and reached one period after that, plus two plant
+    steps; the monitor sees the plant's last step. From command to plant at most 3 / control_hz +
+    2 / plant_hz. The plant's state at an instant, before that instant's updates (what `AdvanceTo`
+    leaves and logs hold), is one step later still: 3 steps behind the continuous plant's, which is
+    late by none (`integration.scheme`; simulate it with `MakeSimulator`, which knows integrator and
+    accuracy).
+
+    Args:
+        setup: what the scenario names, if it is loaded already.
+
+    Raises:
+        InputError: something the scenario names cannot be used.
+    """
+    setup = setup or load_setup(scenario)
+    arm, path = setup.arm, setup.path
+    period = 1.0 / scenario.clocks.control_hz
+    motion = scenario.motion
+    builder = DiagramBuilder()
+    plant, scene_graph, model = make_plant(builder, setup, scenario, visual_period=VISUAL_PERIOD)
+    source = builder.AddNamedSystem(
+        "tip_path_source",
+        TipPathSource(
+            path,
+            RestToRestProfile.make(
+                travel=path.travel, speed=motion.tip_speed_mm_per_s * 1e-3, ramp=motion.ramp_s
+            ),
+            dwell=motion.dwell_s,
+            retract=motion.retract,
+            period=period,
+        ),
+    )
+    leader = builder.AddNamedSystem(
+        "follow_the_leader", FollowTheLeaderController(setup.solver, period=period)
+    )
+    length_map = builder.AddNamedSystem("actuator_length_map", ActuatorLengthMap(arm))
+    builder.Connect(source.GetOutputPort("tip"), leader.GetInputPort("tip"))
+    builder.Connect(source.GetOutputPort("path"), leader.GetInputPort("path"))
+    joint_state = leader.GetOutputPort("joint_state")
+    if scenario.camera.enabled:
+        pointer = AddCameraPointer(
+            builder, plant=plant, setup=setup, scenario=scenario, joint_state=joint_state
+        )
+        joint_state = pointer.GetOutputPort("joint_state")
+        camera = AddCameraStation(
+            builder,
+            plant=plant,
+            scene_graph=scene_graph,
+            model=model,
+            arm=arm,
+            config=scenario.camera,
+        )
+        builder.Connect(pointer.GetOutputPort("pan_tilt"), camera.GetInputPort("pan_tilt"))
+    builder.Connect(joint_state, length_map.GetInputPort("joint_state"))
+    AddActuation(
+        builder,
+        plant=plant,
+        model=model,
+        setup=setup,
+        drive_state=length_map.GetOutputPort("drive_state"),
+        joint_state=joint_state,
+        config=scenario.actuation,
+        period=period,
+    )
+    monitor = builder.AddNamedSystem(
+        "clearance_monitor",
+        ClearanceMonitor(
+            plant,
+            robot=[model],
+            max_distance=scenario.clearance_range_m,
+            period=1.0 / scenario.clocks.clearance_hz,
+        ),
+    )
+    builder.Connect(scene_graph.get_query_output_port(), monitor.GetInputPort("query_object"))
+    builder.Connect(plant.get_body_poses_output_port(), monitor.GetInputPort("body_poses"))
+    builder.Connect(
+        plant.get_body_spatial_velocities_output_port(),
+        monitor.GetInputPort("body_spatial_velocities"),
+    )
+    builder.ExportInput(source.GetInputPort("command"), "tip_path_source.command")
+    for name in (
+        *(CAMERA_PORTS if scenario.camera.enabled else ()),
+        "tip_path_source.tip",
+        "tip_path_source.phase",
+        "follow_the_leader.joint_state",
+        "follow_the_leader.solution",
+        "actuator_length_map.drive_state",
+        "actuator_servo.setpoint",
+        "actuator_servo.saturation",
+        "actuator_force_map.drive_effort",
+        "clearance_monitor.clearance",
+        "clearance_monitor.witness",
+    ):
+        system, port = name.split(".")
+        builder.ExportOutput(builder.GetSubsystemByName(system).GetOutputPort(port), name)
+    builder.ExportOutput(plant.get_state_output_port(model), "plant.state")
+    builder.ExportOutput(plant.get_net_actuation_output_port(model), "plant.net_actuation")
+    builder.ExportOutput(scene_graph.get_query_output_port(), "scene_graph.query")
+    diagram = builder.Build()
+    diagram.set_name("serpentine_station")
+    return diagram
+
+
+def MakeSimulator(diagram: Diagram, scenario: SerpentineScenario) -> Simulator:
+    """A simulator, not yet initialized, of a diagram that holds the scenario's station.
+
+    A station of another `integration.scheme` than `discrete` needs it: the integrator and its
+    accuracy are the simulator's, not the diagram's. Its steps end at the servos' updates anyway.
+    """
+    simulator = Simulator(diagram)
+    if scenario.integration.scheme != "discrete":
+        config = SimulatorConfig(
+            integration_scheme=scenario.integration.scheme,
+            max_step_size=1.0 / scenario.clocks.control_hz,
+            accuracy=scenario.integration.accuracy,
+            use_error_control=True,
+        )
+        ApplySimulatorConfig(config, simulator)
+    return simulator
