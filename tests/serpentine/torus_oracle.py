@@ -12,8 +12,9 @@ a torus about Z_j with radii Delta and S. As Delta < S it cuts itself; the arm u
 (rho >= 0: the odd angle is less than 90 deg and a bit), and the body inside it is seen whole from
 its centre, spine point j. The path, coming from there, leaves it at spine point j+2. Which exit?
 FTL-95 takes the last arc length before j+2 at which j can lie, and this march the first after j at
-which j+2 can: with one exit both are the same, and a path whose tangent turns by less than a right
-angle along a module has one. `march` counts what it finds, so a test can insist.
+which j+2 can: with one exit both are the same. A path whose tangent turns by well less than a right
+angle along a module has one, because the distance from either end then only grows. `march` counts
+what it finds, so that a test can insist.
 
 All of it hangs on one number, the arc length of spine point 4, and the tip's arc length grows with
 it: one scalar root puts the tip where it shall be.
