@@ -79,7 +79,11 @@ class Line:
 
 
 def measure_in_turn(
-    work: Mapping[str, Callable[[], float]], *, rounds: int, warm_up: int = 1
+    work: Mapping[str, Callable[[], float]],
+    *,
+    rounds: int,
+    warm_up: int = 1,
+    clock: Callable[[], float] = time.thread_time,
 ) -> dict[str, Array]:
     """Seconds an item of each callable's work, (rounds,), all measured in turn: A B C A B C ...
 
@@ -89,14 +93,16 @@ def measure_in_turn(
     Args:
         work: callables that return how much they did, in items or units.
         warm_up: rounds that are not counted.
+        clock: s; by default this thread's processor time, which other programs do not lengthen. For
+            work of several threads or processes `time.perf_counter`.
     """
     times: dict[str, list[float]] = {name: [] for name in work}
     for i in range(-warm_up, rounds):
         names = list(work) if i % 2 == 0 else list(work)[::-1]
         for name in names:
-            start = time.perf_counter()
+            start = clock()
             items = work[name]()
-            seconds = (time.perf_counter() - start) / items
+            seconds = (clock() - start) / items
             if i >= 0:
                 times[name].append(seconds)
     return {name: np.array(values) for name, values in times.items()}

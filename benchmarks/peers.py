@@ -29,10 +29,11 @@ class DrakeInverse:
     Eight position constraints are 24 equations for 17 unknowns (no spine point needs the last
     joint). They agree, but SNOPT's line search stalls on such a system at 1e-6 in. So of each point
     after the first, the coordinate along which its module mostly points is left free: the module's
-    length fixes it. That, a function precision near the machine's and a minor feasibility tolerance
-    as tight as the major one is the fastest of what was tried that converges everywhere. Others:
-    all 24 equations (as fast where it converges, stalls on a tenth of the points), bounds of the
-    tolerance's size instead of equations (stalls), and IPOPT (twenty times slower).
+    length fixes it. That, with a function precision near the machine's and tight feasibility
+    tolerances, is the best of what was tried: nearly everywhere it gets below 1e-9 in, at one or
+    two points in a hundred it stalls at 1e-8 in. Others: all 24 equations (as fast where it
+    converges, stalls on a tenth of the points), bounds of the tolerance's size instead of equations
+    (stalls), and IPOPT (twenty times slower).
     """
 
     def __init__(self, arm: SerpentineArm) -> None:
@@ -65,8 +66,8 @@ class DrakeInverse:
         self._solver = SnoptSolver()
         self._options = SolverOptions()
         for option, value in (
-            ("Major feasibility tolerance", 1e-11),
-            ("Minor feasibility tolerance", 1e-12),
+            ("Major feasibility tolerance", 1e-12),
+            ("Minor feasibility tolerance", 1e-13),
             ("Function precision", 1e-15),
         ):
             self._options.SetOption(self._solver.id(), option, value)

@@ -32,7 +32,7 @@ def markdown(lines: Sequence[Line], machine: Mapping[str, str]) -> str:
     ]
     for line in lines:
         if line.parts:
-            text += ["", f"{line.what}, ms of wall time a simulated second:", ""]
+            text += ["", f"{line.what}, ms of processor time a simulated second:", ""]
             total = sum(line.parts.values())
             rows = [(name, f"{ms:.1f}", f"{100 * ms / total:.0f} %") for name, ms in _by_size(line)]
             text += _table(("Part", "ms", "of all"), rows)
