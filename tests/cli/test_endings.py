@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import errno
 import json
-import signal
+import re
 import subprocess
-import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 # In a fresh checkout the first command of each kind waits for numba's compilation.
@@ -32,13 +33,30 @@ def nothing_left(folder: Path, *names: str) -> bool:
     return sorted(entry.name for entry in folder.iterdir()) == sorted(names)
 
 
+@pytest.mark.parametrize("command", ["follow", "check", "simulate"])
 @pytest.mark.parametrize("case", NOT_FOLLOWABLE)
 def test_a_path_that_cannot_be_followed_exits_1_and_its_folder_shows_where(
-    pips_here, no_figures, tmp_path, case
+    pips_here, tmp_path, monkeypatch, case, command
 ):
     text, words = NOT_FOLLOWABLE[case]
     (tmp_path / "hard.csv").write_text(text)
-    outcome = pips_here("follow", "hard.csv", "--out", "result")
+    # As printed, corners and all, in every command.
+    (tmp_path / "hard.yaml").write_text(
+        "machine: serpentine\npath: hard.csv\ncorner_deviation_in: 0\n"
+    )
+    shown: list[dict[str, Any]] = []
+    for name in ("joint_values_figure", "iterations_figure", "path_figure", "failure_figure"):
+        # Pictures are drawn once for all commands, below; here counts what they would show.
+        monkeypatch.setattr(
+            f"pips_drake.serpentine.runs.figures.{name}",
+            lambda file, *args, name=name, **kwargs: shown.append({"name": name, "args": args}),
+        )
+    option = {
+        "follow": ["hard.csv"],
+        "check": ["hard.csv", "--corner_deviation_in", "0"],
+        "simulate": ["hard.yaml"],
+    }
+    outcome = pips_here(command, *option[command], "--out", "result")
     assert outcome.code == 1
     assert outcome.err == ""
     assert outcome.out.startswith("hard: FAIL\n")
@@ -46,9 +64,26 @@ def test_a_path_that_cannot_be_followed_exits_1_and_its_folder_shows_where(
     assert summary["verdict"] == "fail"
     assert words in summary["failures"][0]
     # Where: arc length and point.
-    assert " m of path 'hard' (16.255," in summary["failures"][0]
-    assert (tmp_path / "result" / "joints.csv").is_file()
-    assert nothing_left(tmp_path, "hard.csv", "result")
+    found = re.search(
+        r" tip at (\S+) m of path 'hard' \((16\.255, .*?)\) in", summary["failures"][0]
+    )
+    assert found
+    (failure,) = (drawn["args"] for drawn in shown if drawn["name"] == "failure_figure")
+    # The figure has the same place in its middle, and the same sentences.
+    place = [float(word) * 0.0254 for word in found[2].split(",")]
+    np.testing.assert_allclose(failure[2], place, rtol=0, atol=0.0005 * 0.0254 + 1e-9)
+    assert failure[4][0] == summary["failures"][0]
+    if command == "follow":
+        assert (tmp_path / "result" / "joints.csv").is_file()
+    assert nothing_left(tmp_path, "hard.csv", "hard.yaml", "result")
+
+
+def test_the_folder_has_a_picture_of_where(pips_here, tmp_path):
+    (tmp_path / "hard.csv").write_text(NOT_FOLLOWABLE["a fold inside a module's sphere"][0])
+    assert pips_here("follow", "hard.csv", "--out", "result").code == 1
+    pictures = {file.name: file.read_bytes() for file in (tmp_path / "result/figures").iterdir()}
+    assert set(pictures) == {"joints.png", "iterations.png", "path.png", "failure.png"}
+    assert all(content.startswith(b"\x89PNG") for content in pictures.values())
 
 
 def test_an_iteration_limit_that_is_too_low_exits_1(pips_here, no_figures, tmp_path):
@@ -104,44 +139,6 @@ def test_a_full_disk_exits_2_and_leaves_nothing(pips_here, no_figures, tmp_path,
     outcome = pips_here("follow", "trajectory_4", "--out", "a/b/result")
     assert outcome.code == 2
     assert outcome.err == "pips: summary.json: No space left on device\n"
-    assert nothing_left(tmp_path)
-
-
-def interrupt(process: subprocess.Popen[str], folder: Path, number: int) -> str:
-    """Sends a signal once the work has begun; returns what was said on standard error."""
-    with process:
-        try:
-            deadline = time.monotonic() + 60.0
-            # The temporary folder says that it has begun.
-            while not list(folder.glob("out/.*")) and time.monotonic() < deadline:
-                assert process.poll() is None
-                time.sleep(0.02)
-            time.sleep(0.5)
-            process.send_signal(number)
-            while process.poll() is None and time.monotonic() < deadline + 60.0:
-                try:
-                    process.wait(timeout=20)
-                except subprocess.TimeoutExpired:
-                    process.send_signal(number)  # the first was lost, see below
-            out, err = process.communicate()
-        finally:
-            process.kill()
-    assert out == ""
-    return err
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "kill"])
-def test_an_interrupted_simulation_leaves_nothing(start_pips, tmp_path, number):
-    for _ in range(3):
-        process = start_pips("simulate", "trajectory_4", cwd=tmp_path)
-        err = interrupt(process, tmp_path, number)
-        # In a fresh checkout numba compiles; there Python loses one exception in many, raised in a
-        # callback from C, and says so.
-        if "Exception ignored" not in err:
-            break
-    # Interrupted in code that C runs, Python ends by SIGINT itself: to a shell that is 130 too.
-    assert process.returncode in (130, -signal.SIGINT)
-    assert err == "pips: interrupted; nothing was written\n"
     assert nothing_left(tmp_path)
 
 
