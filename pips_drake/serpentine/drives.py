@@ -2,15 +2,18 @@
 
 A drive's coordinate is the joint value itself for the base's first joints (d1 in m, theta2 in rad),
 and the actuator's length (L3, L4, ... in m) for the rest. Functions take joint quantities with the
-joints along the last axis and are vectorised over the others.
+joints along the last axis and are vectorised over the others. The compiled ones at the end do the
+same for one posture, in a running simulation: they write into arrays that exist.
 """
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.linkage import actuator_angle, actuator_length, actuator_lever
 
 Array = NDArray[np.float64]
 
@@ -93,3 +96,101 @@ def deflection_offset(arm: SerpentineArm, joints: ArrayLike, holding_efforts: Ar
     q = np.asarray(joints, dtype=np.float64)
     aim = q + np.asarray(holding_efforts) / joint_stiffness(arm)
     return drives_from_joints(arm, aim) - drives_from_joints(arm, q)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def drive_from_joint(triangles, first, j, joint):
+    """Drive j's coordinate at a value of joint j, of which `first` have no actuator."""
+    if j < first:
+        return joint
+    a, b, phi0 = triangles[j - first]
+    return actuator_length(a, b, phi0 + joint)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def joint_from_drive(triangles, first, j, drive):
+    """Joint j's value at a coordinate of drive j; NaN where no triangle closes."""
+    if j < first:
+        return drive
+    a, b, phi0 = triangles[j - first]
+    return actuator_angle(a, b, drive) - phi0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def write_drive_state(triangles, joint_state, drive_state):
+    """Drive coordinates and rates from joint values and rates.
+
+    Args:
+        triangles: `Linkage.triangles`, (A, 3).
+        joint_state: (2 J,) m and rad, m/s and rad/s.
+        drive_state: out, (2 J,).
+    """
+    joints = joint_state.size // 2
+    first = joints - triangles.shape[0]
+    for j in range(joints):
+        joint, rate = joint_state[j], joint_state[joints + j]
+        drive_state[j] = drive_from_joint(triangles, first, j, joint)
+        if j >= first:
+            a, b, phi0 = triangles[j - first]
+            rate *= actuator_lever(a, b, phi0 + joint)
+        drive_state[joints + j] = rate
+
+
+@numba.njit(cache=True, error_model="numpy")
+def write_joint_state(triangles, period, drive_state, joint_state):
+    """Joint values and rates from drive coordinates and rates.
+
+    Args:
+        triangles: `Linkage.triangles`, (A, 3).
+        period: over which the joints' rates are mean ones, s; 0 for the derivatives.
+        drive_state: (2 J,) m and rad, m/s and rad/s.
+        joint_state: out, (2 J,); NaN where no triangle closes.
+    """
+    joints = drive_state.size // 2
+    first = joints - triangles.shape[0]
+    for j in range(joints):
+        drive, rate = drive_state[j], drive_state[joints + j]
+        joint = joint_from_drive(triangles, first, j, drive)
+        if period > 0.0:
+            before = joint_from_drive(triangles, first, j, drive - rate * period)
+            rate = (joint - before) / period
+        elif j >= first:
+            a, b, phi0 = triangles[j - first]
+            rate /= actuator_lever(a, b, phi0 + joint)
+        joint_state[j], joint_state[joints + j] = joint, rate
+
+
+@numba.njit(cache=True)
+def cut_to_stroke(lower, upper, command, offset, target):
+    """Where drives are sent (J,): command plus offset, within the ends of the stroke."""
+    for j in range(target.size):
+        # Written so that a NaN stays.
+        wanted = command[j] + offset[j]
+        target[j] = lower[j] if wanted < lower[j] else upper[j] if wanted > upper[j] else wanted
+
+
+@numba.njit(cache=True)
+def step_servos(lower, upper, speed, period, command, offset, setpoint, saturation):
+    """One period of servos that go to a command as far as stroke and speed let them.
+
+    Args:
+        lower, upper: ends of the strokes, (J,) m and rad.
+        speed: limits, (J,) m/s and rad/s.
+        period: s.
+        command, offset: drive coordinates (at least J,); their sum is wanted.
+        setpoint: in and out, drive coordinates and their rates over the period, (2 J,).
+        saturation: out, how many stand at an end of their stroke, and at their speed limit, (2,).
+    """
+    joints = lower.size
+    target = np.empty(joints)
+    cut_to_stroke(lower, upper, command, offset, target)
+    saturation[:] = 0.0
+    for j in range(joints):
+        missing, reach = target[j] - setpoint[j], speed[j] * period
+        if target[j] <= lower[j] or target[j] >= upper[j]:
+            saturation[0] += 1.0
+        if abs(missing) > reach:
+            saturation[1] += 1.0
+            missing = reach if missing > 0.0 else -reach
+        setpoint[j] += missing
+        setpoint[joints + j] = missing / period

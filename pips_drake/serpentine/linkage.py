@@ -14,11 +14,33 @@ is that times its force (a pushing force is positive and lengthens it).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+
+# Each serves arrays here, and compiled loops (`drives`) one actuator at a time.
+@register_jitable
+def actuator_length(a, b, phi):
+    """L (m) at phi = phi0 + theta (rad), pins a and b (m) from the hinge."""
+    # a^2 + b^2 - 2 a b cos(phi) as a sum of squares: no cancellation when the pins nearly meet.
+    return np.sqrt((a - b) ** 2 + 4.0 * a * b * np.sin(0.5 * phi) ** 2)
+
+
+@register_jitable
+def actuator_lever(a, b, phi):
+    """dL/dtheta (m/rad) at phi = phi0 + theta (rad)."""
+    return a * b * np.sin(phi) / actuator_length(a, b, phi)
+
+
+@register_jitable
+def actuator_angle(a, b, length):
+    """phi = phi0 + theta (rad) at a length (m); NaN where no triangle closes."""
+    return np.arccos((a * a + b * b - length * length) / (2.0 * a * b))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +82,8 @@ class Linkage:
         """A linkage whose strokes reach the angles' limits (rad) and `overtravel` (m) beyond."""
 
         def length(angle: Array) -> Array:
-            return _length(anchor_inner, anchor_outer, pin_angle + angle)
+            found: Array = actuator_length(anchor_inner, anchor_outer, pin_angle + angle)
+            return found
 
         return cls(
             anchor_inner=anchor_inner,
@@ -73,29 +96,30 @@ class Linkage:
             length_upper=length(angle_upper) + overtravel,
         )
 
+    @cached_property
+    def triangles(self) -> Array:
+        """a, b (m) and phi0 (rad) of each actuator, (A, 3)."""
+        return np.column_stack([self.anchor_inner, self.anchor_outer, self.pin_angle])
+
     def length(self, angle: ArrayLike) -> Array:
         """Lengths (..., A) m at hinge angles (..., A) rad."""
-        return _length(self.anchor_inner, self.anchor_outer, self.pin_angle + np.asarray(angle))
+        phi = self.pin_angle + np.asarray(angle)
+        length: Array = actuator_length(self.anchor_inner, self.anchor_outer, phi)
+        return length
 
     def angle(self, length: ArrayLike) -> Array:
         """Hinge angles (..., A) rad at lengths (..., A) m; NaN where no triangle closes."""
-        a, b = self.anchor_inner, self.anchor_outer
-        cosine = (a * a + b * b - np.square(length)) / (2.0 * a * b)
-        return np.where(
-            np.abs(cosine) <= 1.0, np.arccos(np.clip(cosine, -1.0, 1.0)) - self.pin_angle, np.nan
-        )
+        with np.errstate(invalid="ignore"):
+            phi = actuator_angle(self.anchor_inner, self.anchor_outer, np.asarray(length))
+        angle: Array = phi - self.pin_angle
+        return angle
 
     def lever(self, angle: ArrayLike) -> Array:
         """dL/dtheta (..., A) m/rad at hinge angles (..., A) rad."""
-        a, b, phi = self.anchor_inner, self.anchor_outer, self.pin_angle + np.asarray(angle)
-        return a * b * np.sin(phi) / _length(a, b, phi)
+        phi = self.pin_angle + np.asarray(angle)
+        lever: Array = actuator_lever(self.anchor_inner, self.anchor_outer, phi)
+        return lever
 
     def joint_stiffness(self, angle: ArrayLike) -> Array:
         """Stiffness k (dL/dtheta)^2 of the hinges (..., A) Nm/rad at angles (..., A) rad."""
         return self.stiffness * self.lever(angle) ** 2
-
-
-def _length(a: Array, b: Array, phi: Array) -> Array:
-    # a^2 + b^2 - 2 a b cos(phi) as a sum of squares: no cancellation when the pins nearly meet.
-    length: Array = np.sqrt((a - b) ** 2 + 4.0 * a * b * np.sin(0.5 * phi) ** 2)
-    return length

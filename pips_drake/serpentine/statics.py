@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.dh_chain import gravity_efforts
+from pips_drake.serpentine.drives import drive_from_joint, joint_stiffness
 
 Array = NDArray[np.float64]
 
@@ -29,8 +31,49 @@ def holding_efforts(arm: SerpentineArm, q: ArrayLike, gravity: ArrayLike) -> Arr
         )
     if np.shape(gravity) != (3,):
         raise InputError(f"gravity of shape {np.shape(gravity)}; must be (3,), m/s^2")
+    chain = weighed_chain(arm, gravity)
+    return -np.asarray(gravity_efforts(chain[0], postures, *chain[1:]))
+
+
+def weighed_chain(arm: SerpentineArm, gravity: ArrayLike) -> tuple[Array, Array, Array, Array]:
+    """What `dh_chain.gravity_efforts` wants to know of an arm beside its posture.
+
+    Args:
+        gravity: in frame {0}, (3,) m/s^2.
+
+    Returns:
+        chain's rows (J, 5); masses (J,) kg; centres of mass (J, 3) m; gravity (3,) m/s^2.
+    """
     # A mirrored arm under mirrored gravity has the same joint efforts.
     gravity_drawn = np.asarray(gravity, dtype=np.float64) * arm.mirror
     masses = np.array([body.mass for body in arm.bodies])
     centres = np.array([body.centre for body in arm.bodies])
-    return -np.asarray(gravity_efforts(arm.dh_table, postures, masses, centres, gravity_drawn))
+    return arm.dh_table, masses, centres, gravity_drawn
+
+
+def deflection_terms(arm: SerpentineArm, gravity: ArrayLike) -> tuple[Array, ...]:
+    """Everything that `write_deflection_offset` wants to know beside the posture."""
+    return (*weighed_chain(arm, gravity), joint_stiffness(arm), arm.linkage.triangles)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def write_deflection_offset(
+    dh, masses, centres, gravity, stiffness, triangles, joint_state, offset
+):
+    """`drives.deflection_offset` under the efforts that hold one posture against gravity.
+
+    Args:
+        dh, masses, centres, gravity, stiffness, triangles: `deflection_terms`.
+        joint_state: joint values first, (at least J,) m and rad.
+        offset: out, (J,) m and rad.
+    """
+    joints = dh.shape[0]
+    first = joints - triangles.shape[0]
+    posture = joint_state[:joints].copy().reshape(1, joints)
+    efforts = gravity_efforts(dh, posture, masses, centres, gravity)
+    for j in range(joints):
+        q = posture[0, j]
+        aim = q - efforts[0, j] / stiffness[j]
+        offset[j] = drive_from_joint(triangles, first, j, aim) - drive_from_joint(
+            triangles, first, j, q
+        )

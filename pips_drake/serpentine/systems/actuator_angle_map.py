@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import drive_columns, joints_from_drives, levers
+from pips_drake.serpentine.drives import drive_columns, write_joint_state
+from pips_drake.serpentine.systems.inputs import input_values
 
 Array = NDArray[np.float64]
 
@@ -44,26 +47,29 @@ class ActuatorAngleMap(LeafSystem):
 
     def __init__(self, arm: SerpentineArm, *, period: float | None = None) -> None:
         super().__init__()
-        self._arm = arm
-        self._period = period
-        self._drive_port = self.DeclareVectorInputPort("drive_state", 2 * arm.joints)
+        self._columns = drive_columns(arm)
+        self._triangles = arm.linkage.triangles
+        self._period = 0.0 if period is None else period
+        drive_port = self.DeclareVectorInputPort("drive_state", 2 * arm.joints)
+        self._drive_index = int(drive_port.get_index())
         self.DeclareVectorOutputPort("joint_state", 2 * arm.joints, self._calc_joint_state)
 
     def _calc_joint_state(self, context: Context, output: BasicVector) -> None:
-        drives, rates = np.split(self._drive_port.Eval(context), 2)
-        q = self._joints(drives)
-        if self._period is None:
-            v = rates / levers(self._arm, q)
-        else:
-            v = (q - self._joints(drives - rates * self._period)) / self._period
-        output.SetFromVector(np.concatenate([q, v]))
+        drive_state = input_values(self, context, self._drive_index)
+        joint_state = output.get_mutable_value()
+        write_joint_state(self._triangles, self._period, drive_state, joint_state)
+        if not math.isfinite(joint_state.sum()):
+            self._refuse(drive_state, joint_state)
 
-    def _joints(self, drives: Array) -> Array:
-        q = joints_from_drives(self._arm, drives)
-        if not np.all(np.isfinite(q)):
-            worst = int(np.flatnonzero(~np.isfinite(q))[0])
-            raise InputError(
-                f"{drive_columns(self._arm)[worst]} = {drives[worst]:.4f}; must be a length with "
-                "which the actuator and its two anchors close a triangle"
-            )
-        return q
+    def _refuse(self, drive_state: Array, joint_state: Array) -> None:
+        """Raises an error that names the first drive with which no triangle closes, if any."""
+        drives, rates = np.split(drive_state, 2)
+        joints, joint_rates = np.split(joint_state, 2)
+        before = drives - rates * self._period
+        for wrong, lengths in ((~np.isfinite(joints), drives), (~np.isfinite(joint_rates), before)):
+            if wrong.any():
+                worst = int(np.flatnonzero(wrong)[0])
+                raise InputError(
+                    f"{self._columns[worst]} = {lengths[worst]:.4f}; must be a length with which "
+                    "the actuator and its two anchors close a triangle"
+                )

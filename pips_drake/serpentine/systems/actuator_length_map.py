@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import drives_from_joints, levers
+from pips_drake.serpentine.drives import write_drive_state
+from pips_drake.serpentine.systems.inputs import input_values
 
 
 class ActuatorLengthMap(LeafSystem):
@@ -34,11 +34,11 @@ class ActuatorLengthMap(LeafSystem):
 
     def __init__(self, arm: SerpentineArm) -> None:
         super().__init__()
-        self._arm = arm
-        self._joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
+        self._triangles = arm.linkage.triangles
+        joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
+        self._joint_index = int(joint_port.get_index())
         self.DeclareVectorOutputPort("drive_state", 2 * arm.joints, self._calc_drive_state)
 
     def _calc_drive_state(self, context: Context, output: BasicVector) -> None:
-        q, v = np.split(self._joint_port.Eval(context), 2)
-        drives = drives_from_joints(self._arm, q)
-        output.SetFromVector(np.concatenate([drives, levers(self._arm, q) * v]))
+        joint_state = input_values(self, context, self._joint_index)
+        write_drive_state(self._triangles, joint_state, output.get_mutable_value())

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import drive_limits
+from pips_drake.serpentine.drives import cut_to_stroke, drive_limits, step_servos
+from pips_drake.serpentine.systems.inputs import input_values
 
 Array = NDArray[np.float64]
 
@@ -48,40 +49,49 @@ class ActuatorServo(LeafSystem):
 
     def __init__(self, arm: SerpentineArm, *, period: float = 1.0 / 64.0) -> None:
         super().__init__()
-        self._drives = arm.joints
         self._period = period
         self._lower, self._upper, self._speed, _ = drive_limits(arm)
         # The base's rail and crane have mechanical play beyond their limits, as the stroke has.
         first = arm.first_actuated_joint
         self._lower[:first] -= arm.base_overtravel
         self._upper[:first] += arm.base_overtravel
-        self._command_port = self.DeclareVectorInputPort("drive_state", 2 * arm.joints)
-        self._offset_port = self.DeclareVectorInputPort("drive_offset", arm.joints)
-        setpoint = self.DeclareDiscreteState(2 * arm.joints)
-        saturation = self.DeclareDiscreteState(2)
-        self.DeclareStateOutputPort("setpoint", setpoint)
-        self.DeclareStateOutputPort("saturation", saturation)
+        self._no_offset = np.zeros(arm.joints)
+        command_port = self.DeclareVectorInputPort("drive_state", 2 * arm.joints)
+        offset_port = self.DeclareVectorInputPort("drive_offset", arm.joints)
+        self._command_index = int(command_port.get_index())
+        self._offset_index = int(offset_port.get_index())
+        self._setpoint = self.DeclareDiscreteState(2 * arm.joints)
+        self._saturation = self.DeclareDiscreteState(2)
+        self.DeclareStateOutputPort("setpoint", self._setpoint)
+        self.DeclareStateOutputPort("saturation", self._saturation)
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def _target(self, context: Context) -> Array:
-        """Where the drives are sent, within the stroke."""
-        command = self._command_port.Eval(context)[: self._drives]
-        if self._offset_port.HasValue(context):
-            command = command + self._offset_port.Eval(context)
-        target: Array = np.clip(command, self._lower, self._upper)
-        return target
+    def _wanted(self, context: Context) -> tuple[Array, Array]:
+        """Command and offset, (at least J,) each."""
+        offset = self.EvalVectorInput(context, self._offset_index)
+        return (
+            input_values(self, context, self._command_index),
+            self._no_offset if offset is None else offset.value(),
+        )
 
     def _initialize(self, context: Context, values: DiscreteValues) -> None:
-        start = np.append(self._target(context), np.zeros(self._drives))
-        values.get_mutable_vector(0).SetFromVector(start)
+        setpoint = values.get_mutable_vector(self._setpoint).get_mutable_value()
+        setpoint[:] = 0.0
+        cut_to_stroke(
+            self._lower, self._upper, *self._wanted(context), setpoint[: self._lower.size]
+        )
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        target = self._target(context)
-        before = context.get_discrete_state(0).CopyToVector()[: self._drives]
-        reach = self._speed * self._period
-        step = np.clip(target - before, -reach, reach)
-        at_end = (target <= self._lower) | (target >= self._upper)
-        too_fast = np.abs(target - before) > reach
-        values.get_mutable_vector(0).SetFromVector(np.append(before + step, step / self._period))
-        values.get_mutable_vector(1).SetFromVector([np.sum(at_end), np.sum(too_fast)])
+        # It holds the present values.
+        setpoint = values.get_mutable_vector(self._setpoint).get_mutable_value()
+        saturation = values.get_mutable_vector(self._saturation).get_mutable_value()
+        step_servos(
+            self._lower,
+            self._upper,
+            self._speed,
+            self._period,
+            *self._wanted(context),
+            setpoint,
+            saturation,
+        )

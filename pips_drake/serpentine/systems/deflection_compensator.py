@@ -8,8 +8,8 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import deflection_offset
-from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.statics import deflection_terms, write_deflection_offset
+from pips_drake.serpentine.systems.inputs import input_values
 
 
 class DeflectionCompensator(LeafSystem):
@@ -41,14 +41,14 @@ class DeflectionCompensator(LeafSystem):
 
     def __init__(self, arm: SerpentineArm, *, gravity: ArrayLike) -> None:
         super().__init__()
-        self._arm = arm
-        self._gravity = np.asarray(gravity, dtype=np.float64)
-        if self._gravity.shape != (3,) or not np.all(np.isfinite(self._gravity)):
-            raise InputError(f"gravity = {self._gravity}; must be three finite numbers, m/s^2")
-        self._joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
+        vector = np.asarray(gravity, dtype=np.float64)
+        if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+            raise InputError(f"gravity = {vector}; must be three finite numbers, m/s^2")
+        self._terms = deflection_terms(arm, vector)
+        joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
+        self._joint_index = int(joint_port.get_index())
         self.DeclareVectorOutputPort("drive_offset", arm.joints, self._calc_drive_offset)
 
     def _calc_drive_offset(self, context: Context, output: BasicVector) -> None:
-        q, _ = np.split(self._joint_port.Eval(context), 2)
-        efforts = holding_efforts(self._arm, q, self._gravity)[0]
-        output.SetFromVector(deflection_offset(self._arm, q, efforts))
+        joints = input_values(self, context, self._joint_index)
+        write_deflection_offset(*self._terms, joints, output.get_mutable_value())
