@@ -26,7 +26,7 @@ from .torus_oracle import Chain, Path
 
 INCH = 0.0254
 #: A few hundred spine points a draw; more draws in the slow run.
-FAST, DEEP = settings(max_examples=60), settings(max_examples=2000)
+FAST, DEEP = settings(max_examples=60), settings(max_examples=1000)
 
 
 @st.composite
