@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotionLimits:
+class MotionExtremes:
     """How near a motion comes to the limits of joints and drives at any instant.
 
     J joints and drives, A actuators (L3 ..). Times are the beginnings of the segments in which the
@@ -47,9 +47,9 @@ class MotionLimits:
     speed_time: Array
 
 
-def motion_limits(
+def motion_extremes(
     arm: SerpentineArm, times: ArrayLike, joints: ArrayLike, *, deviation: ArrayLike = 0.0
-) -> MotionLimits:
+) -> MotionExtremes:
     """Extremes over all of a motion that is linear in the joints between knots.
 
     Args:
@@ -85,7 +85,7 @@ def motion_limits(
     )
     rates = np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None]
     speed = levers * rates / drive_limits(arm)[2]
-    return MotionLimits(
+    return MotionExtremes(
         joint_margin=joint_margin.min(axis=0),
         joint_time=t[joint_margin.argmin(axis=0)],
         stroke_margin=stroke.min(axis=0),

@@ -9,7 +9,7 @@ import pytest
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine.drives import drive_limits, levers
-from pips_drake.serpentine.motion_limits import motion_limits
+from pips_drake.serpentine.motion_extremes import motion_extremes
 from pips_drake.serpentine.plan import joint_margins
 
 SUBSTEPS = 2000
@@ -57,7 +57,7 @@ def sampled(arm, times, joints):
 def test_extremes_are_what_dense_samples_come_to(arm, seed):
     other = uneven(arm, seed) if seed % 2 else arm
     times, joints = wandering(other, seed, reach=0.4 if seed < 4 else 2.5)
-    found = motion_limits(other, times, joints)
+    found = motion_extremes(other, times, joints)
     margin, stroke, speed = sampled(other, times, joints)
     # Joints: the extreme is at a knot, which is a sample.
     np.testing.assert_allclose(found.joint_margin, margin, rtol=0, atol=1e-15)
@@ -79,7 +79,7 @@ def test_a_lever_that_peaks_between_knots_is_found(arm):
     other = dataclasses.replace(arm, linkage=linkage)
     joints = np.tile(arm.joint_home, (2, 1))
     joints[0, 2:], joints[1, 2:] = -0.3, 0.2
-    found = motion_limits(other, [0.0, 0.5], joints)
+    found = motion_extremes(other, [0.0, 0.5], joints)
     expected = 0.5 * arm.linkage.anchor_inner * (0.5 / 0.5) / linkage.speed_limit
     np.testing.assert_allclose(found.speed_fraction[2:], expected, rtol=1e-14)
     assert np.all(found.speed_fraction[:2] == 0.0)
@@ -87,9 +87,9 @@ def test_a_lever_that_peaks_between_knots_is_found(arm):
 
 def test_a_deviation_takes_its_share_of_the_margins(arm):
     times, joints = wandering(arm, 3, reach=0.3)
-    plain = motion_limits(arm, times, joints)
+    plain = motion_extremes(arm, times, joints)
     off = np.linspace(0.0, 0.02, arm.joints)
-    allowed = motion_limits(arm, times, joints, deviation=off)
+    allowed = motion_extremes(arm, times, joints, deviation=off)
     np.testing.assert_allclose(allowed.joint_margin, plain.joint_margin - off, rtol=0, atol=1e-15)
     assert np.all(allowed.stroke_margin < plain.stroke_margin)
     np.testing.assert_allclose(allowed.speed_fraction, plain.speed_fraction, rtol=1e-14)
@@ -97,7 +97,7 @@ def test_a_deviation_takes_its_share_of_the_margins(arm):
     rng = np.random.default_rng(5)
     for _ in range(20):
         moved = joints + rng.choice([-1.0, 1.0], arm.joints) * off
-        other = motion_limits(arm, times, moved)
+        other = motion_extremes(arm, times, moved)
         assert np.all(other.joint_margin >= allowed.joint_margin - 1e-15)
         assert np.all(other.stroke_margin >= allowed.stroke_margin - 1e-15)
 
@@ -105,7 +105,7 @@ def test_a_deviation_takes_its_share_of_the_margins(arm):
 def test_times_are_those_of_the_extremes(arm):
     joints = np.tile(arm.joint_home, (4, 1))
     joints[2, 5] += 0.3  # out in the second segment, back in the third, which is twice as long
-    found = motion_limits(arm, [0.0, 1.0, 2.0, 4.0], joints)
+    found = motion_extremes(arm, [0.0, 1.0, 2.0, 4.0], joints)
     assert found.joint_time[5] in (1.0, 2.0)
     assert found.speed_time[5] == 1.0
     assert found.stroke_time[3] in (1.0, 2.0)
@@ -124,4 +124,4 @@ def test_times_are_those_of_the_extremes(arm):
 def test_what_is_no_motion_is_refused(arm, times, change, message):
     joints = np.tile(arm.joint_home, (len(times), 1))
     with pytest.raises(InputError, match=message):
-        motion_limits(arm, times, joints, **change)
+        motion_extremes(arm, times, joints, **change)
