@@ -31,6 +31,7 @@ LONGEST_SPAN = 64
 #: Parts of a segment narrower than this are not cut any more; the bound then stays as loose as it
 #: is there. Only bodies that touch along a changing feature come near.
 NARROWEST = 2.0**-14
+_CLOSED = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,7 +132,7 @@ class _Search:
         self.start, self.end = np.zeros(count), np.ones(count)
         self.normals = np.full((count, 2, 3), np.nan)
         self.low = np.full(count, -np.inf)
-        # 0: a fixed normal; 1: one that turns; 2: between exact ones.
+        # 0: a fixed normal; 1: one that turns; 2: between exact ones; 3: cutting does not help.
         self.stage = np.zeros(count, dtype=np.int64)
         self._bound_spans(np.arange(count))
 
@@ -146,7 +147,7 @@ class _Search:
         while True:
             open_spans = np.flatnonzero(self.low < self.best - self.tolerance)
             narrow = self.end[open_spans] - self.start[open_spans] < NARROWEST
-            open_spans = open_spans[~narrow]
+            open_spans = open_spans[~narrow & (self.stage[open_spans] < _CLOSED)]
             if not len(open_spans):
                 return
             long = self.last[open_spans] - self.first[open_spans] > 1
@@ -204,16 +205,46 @@ class _Search:
 
     def _refine(self, w: int) -> None:
         """Exact planes at a part's ends; if it has them, two halves."""
+        if self.stage[w] == 2 and self.prepared.motion.deviates and self._is_settled(w):
+            self.stage[w] = _CLOSED
+            return
         if self.stage[w] == 2:
             (new,) = self._copy(np.array([w])).tolist()
             middle = 0.5 * (self.start[w] + self.end[w])
             self.end[w], self.start[new] = middle, middle
+            # The whole's bound holds for both, but its plane does not say so of a half.
+            self.low[w] = self.low[new] = -np.inf
             self._bound_exactly(w)
             self._bound_exactly(new)
             return
         self.stage[w] = 2
         self._bound_exactly(w)
         self._spread(int(self.pair[w]), self.normals[w, 0])
+
+    def _is_settled(self, w: int) -> bool:
+        """Whether joint errors, and not the width of the part, are what makes a bound loose."""
+        p, segment, prepared = int(self.pair[w]), int(self.first[w]), self.prepared
+        fractions = (float(self.start[w]), float(self.end[w]))
+        poses = self._poses(segment, fractions)
+        at_ends = []
+        for k, fraction in enumerate(fractions):
+            n = self.query(p, segment, fraction).normal
+            at_ends.append(
+                turning_bound(
+                    prepared.problem.shapes,
+                    prepared.pairs,
+                    poses,
+                    prepared.motion,
+                    p,
+                    k,
+                    k,
+                    n,
+                    n,
+                    segment,
+                    0.0,
+                )
+            )
+        return bool(self.low[w] >= min(at_ends) - 0.25 * self.tolerance)
 
     def _bound_exactly(self, w: int) -> None:
         p, segment = int(self.pair[w]), int(self.first[w])
