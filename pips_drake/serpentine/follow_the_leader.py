@@ -23,7 +23,7 @@ from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.dh_chain import with_sines
-from pips_drake.serpentine.joint_rates import joint_rates_many
+from pips_drake.serpentine.joint_rates import follow_tip, joint_rates_many
 from pips_drake.serpentine.path_geometry import ON_PIECE_TOLERANCE, sphere_line_roots
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.units import INCH, in_inches
@@ -213,6 +213,43 @@ class FollowTheLeader:
         module_lengths[:] = lengths[0]
         return q[0], arcs[0], int(status[0]), int(iterations[0]), float(errors[0, 0])
 
+    def follow(
+        self,
+        path: TipPath,
+        tip: tuple[float, float],
+        module_lengths: Array,
+        joint_state: Array,
+        solution: Array,
+    ) -> int:
+        """One tip position and its rates, for a loop: `solve_one` and `rates` in one call.
+
+        Args:
+            tip: arc length (m) and its rate (m/s).
+            module_lengths: where the iteration starts, (M,) m; updated in place (report mode).
+            joint_state: out, joint values and rates (2 joints,); not written without a solution.
+            solution: out, spine error (m) and iterations, (2,).
+
+        Returns:
+            status.
+        """
+        return int(
+            follow_tip(
+                self._pieces(path),
+                *tip,
+                self._chain,
+                self.arm.base.kind,
+                self._base_parameters,
+                self._base_rows,
+                self._nominal,
+                self.tolerance,
+                self.max_iterations,
+                module_lengths,
+                self._base_dh,
+                joint_state,
+                solution,
+            )
+        )
+
     def rates(self, path: TipPath, joints: ArrayLike, spine_arc_lengths: ArrayLike) -> Array:
         """Derivatives (N, joints) of converged joints by the tip's arc length, rad/m and m/m.
 
@@ -231,7 +268,7 @@ class FollowTheLeader:
 
     def _pieces(self, path: TipPath) -> Array:
         """The path's table as the drawn hand sees it: a mirrored arm solves the mirrored path."""
-        return path.mirrored().pieces if self.arm.mirrored else path.pieces
+        return path.mirrored_pieces if self.arm.mirrored else path.pieces
 
     def explain(self, path: TipPath, solution: Solution, index: int) -> str:
         """One sentence: why a tip position has no solution, where, and by how much."""

@@ -15,14 +15,16 @@ hinge's plane is the tilt's: no joint of the arm can take it without leaving the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from functools import cached_property
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.config import require
-from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.dh_chain import joint_frames
 
 Array = NDArray[np.float64]
 
@@ -48,6 +50,11 @@ class CameraMount:
     pan_limit: float
     tilt_limit: float
     pan_tilt_speed: float
+
+    @cached_property
+    def numbers(self) -> tuple[float, ...]:
+        """All of it in the order above, as compiled functions take it."""
+        return astuple(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +110,9 @@ def make_mount(
 
 def target_before_last(arm: SerpentineArm, joints: ArrayLike, target: ArrayLike) -> Array:
     """A target (3,) m in frame {0} as the frame before the last has it, (3,) m."""
-    X = kinematics.frames(arm, joints)[0, -2]
-    local: Array = X[:3, :3].T @ (np.asarray(target, dtype=np.float64) - X[:3, 3])
+    q, point = np.asarray(joints, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    require(q.shape == (arm.joints,), "joint values' shape", f"{q.shape}", f"({arm.joints},)")
+    local: Array = _target_before_last(arm.dh_table[:-1], arm.mirror, q, point)
     return local
 
 
@@ -115,9 +123,7 @@ def joint_towards(mount: CameraMount, target: ArrayLike, *, otherwise: float = 0
         target: (3,) m in the frame before the last.
         otherwise: the angle if the target lies on the hinge's axis, where all are alike.
     """
-    x, _, z = np.asarray(target, dtype=np.float64) - [mount.hinge, 0.0, 0.0]
-    angle = math.atan2(-z, x) if math.hypot(x, z) > 1e-9 else otherwise
-    return min(max(angle, mount.joint_lower), mount.joint_upper)
+    return float(_joint_towards(mount.numbers, np.asarray(target, dtype=np.float64), otherwise))
 
 
 def pan_tilt_towards(
@@ -128,17 +134,9 @@ def pan_tilt_towards(
     Args:
         target: (3,) m in the frame before the last.
     """
-    x, y, z = np.asarray(target, dtype=np.float64) - [mount.hinge, 0.0, 0.0]
-    c, s = math.cos(joint), math.sin(joint)
-    # In the last frame: x along the link, and y and z so that a positive joint turns x to y, or
-    # away from it in the mirrored hand, whose frames are reflected in their x-z planes.
-    hand = float(arm.mirror[1])
-    ahead, aside, up = c * x - s * z - mount.reach, -hand * (s * x + c * z), hand * y
-    pan, tilt = math.atan2(aside, ahead), math.atan2(up, math.hypot(ahead, aside))
-    return (
-        min(max(pan, -mount.pan_limit), mount.pan_limit),
-        min(max(tilt, -mount.tilt_limit), mount.tilt_limit),
-    )
+    point = np.asarray(target, dtype=np.float64)
+    pan, tilt = _pan_tilt_towards(mount.numbers, float(arm.mirror[1]), point, joint)
+    return float(pan), float(tilt)
 
 
 def aim(arm: SerpentineArm, mount: CameraMount, joints: ArrayLike, target: ArrayLike) -> Aim:
@@ -150,3 +148,73 @@ def aim(arm: SerpentineArm, mount: CameraMount, joints: ArrayLike, target: Array
     joint = joint_towards(mount, local, otherwise=float(np.asarray(joints)[-1]))
     pan, tilt = pan_tilt_towards(arm, mount, local, joint)
     return Aim(joint=joint, pan=pan, tilt=tilt)
+
+
+@numba.njit(cache=True)
+def _target_before_last(dh, mirror, joints, target):
+    """`target_before_last` by the chain's rows up to that frame, (J - 1, 5)."""
+    rows = dh.shape[0]
+    rotations, origins = np.empty((rows, 3, 3)), np.empty((rows, 3))
+    joint_frames(dh, joints, rotations, origins)
+    local = np.zeros(3)
+    for k in range(3):
+        for m in range(3):
+            # A mirrored arm's frame is M R M at M o (`kinematics`).
+            away = mirror[m] * target[m] - origins[rows - 1, m]
+            local[k] += mirror[k] * rotations[rows - 1, m, k] * away
+    return local
+
+
+@numba.njit(cache=True)
+def _joint_towards(mount, target, otherwise):
+    hinge, _, lower, upper, _, _, _, _ = mount
+    x, z = target[0] - hinge, target[2]
+    angle = math.atan2(-z, x) if math.hypot(x, z) > 1e-9 else otherwise
+    return min(max(angle, lower), upper)
+
+
+@numba.njit(cache=True)
+def _pan_tilt_towards(mount, hand, target, joint):
+    hinge, reach, _, _, _, pan_limit, tilt_limit, _ = mount
+    x, y, z = target[0] - hinge, target[1], target[2]
+    c, s = math.cos(joint), math.sin(joint)
+    # In the last frame: x along the link, and y and z so that a positive joint turns x to y, or
+    # away from it in the mirrored hand, whose frames are reflected in their x-z planes.
+    ahead, aside, up = c * x - s * z - reach, -hand * (s * x + c * z), hand * y
+    pan, tilt = math.atan2(aside, ahead), math.atan2(up, math.hypot(ahead, aside))
+    return (
+        min(max(pan, -pan_limit), pan_limit),
+        min(max(tilt, -tilt_limit), tilt_limit),
+    )
+
+
+@numba.njit(cache=True)
+def _towards(before, wanted, reach):
+    """From `before` to `wanted`, but by no more than `reach`."""
+    return before + min(max(wanted - before, -reach), reach)
+
+
+@numba.njit(cache=True)
+def step_pointing(dh, mirror, mount, gain, period, joints, target, state):
+    """One period of a camera that is kept on its target (`CameraPointer` has the law).
+
+    Args:
+        dh: the chain's rows up to the frame before the last, (J - 1, 5).
+        mirror: `SerpentineArm.mirror`, (3,).
+        mount: `CameraMount.numbers`.
+        gain: 1/s.
+        period: s.
+        joints: joint values (at least J - 1,), m and rad.
+        target: in frame {0}, (3,) m.
+        state: in and out, last joint and its rate, pan, tilt, (4,) rad and rad/s.
+    """
+    _, _, _, _, joint_speed, _, _, pan_tilt_speed = mount
+    local = _target_before_last(dh, mirror, joints, target)
+    joint, rate, pan, tilt = state
+    missing = _joint_towards(mount, local, joint) - joint
+    rate = _towards(rate, _towards(0.0, gain * missing, joint_speed), gain * joint_speed * period)
+    joint += rate * period
+    pan_after, tilt_after = _pan_tilt_towards(mount, mirror[1], local, joint)
+    reach = pan_tilt_speed * period
+    state[0], state[1] = joint, rate
+    state[2], state[3] = _towards(pan, pan_after, reach), _towards(tilt, tilt_after, reach)

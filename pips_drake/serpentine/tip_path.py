@@ -129,9 +129,14 @@ class TipPath:
 
     def mirrored(self) -> TipPath:
         """The path reflected in the x0-z0 plane."""
+        return replace(self, pieces=self.mirrored_pieces)
+
+    @cached_property
+    def mirrored_pieces(self) -> Array:
+        """The table of the path's mirror image (`mirrored`)."""
         pieces = self.pieces.copy()
         pieces[:, [ORIGIN + 1, U + 1, V + 1]] *= -1.0
-        return replace(self, pieces=pieces)
+        return pieces
 
     def translated(self, by: ArrayLike) -> TipPath:
         """The path moved by a vector (3,) m."""

@@ -11,11 +11,12 @@ from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.pointing import (
     CameraMount,
-    joint_towards,
     make_mount,
     pan_tilt_towards,
+    step_pointing,
     target_before_last,
 )
+from pips_drake.serpentine.systems.inputs import input_values
 
 Array = NDArray[np.float64]
 
@@ -80,20 +81,23 @@ class CameraPointer(LeafSystem):
         self._mount = mount or make_mount(arm)
         self._X_0W = (X_W0 or RigidTransform()).inverse()
         self._period = period
-        self._target = None if target is None else np.asarray(target, dtype=np.float64)
-        if self._target is not None and (
-            self._target.shape != (3,) or not np.all(np.isfinite(self._target))
-        ):
-            raise InputError(f"camera target = {self._target}; must be three finite numbers, m")
-        self._joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
-        self._target_port = self.DeclareVectorInputPort("target", 3)
+        self._chain, self._mirror = arm.dh_table[:-1], arm.mirror
+        self._fixed_target: Array | None = None
+        if target is not None:
+            point = np.asarray(target, dtype=np.float64)
+            if point.shape != (3,) or not np.all(np.isfinite(point)):
+                raise InputError(f"camera target = {point}; must be three finite numbers, m")
+            self._fixed_target = self._X_0W @ point
+        joint_port = self.DeclareVectorInputPort("joint_state", 2 * arm.joints)
+        self._joint_index = int(joint_port.get_index())
+        self._target_index = int(self.DeclareVectorInputPort("target", 3).get_index())
         self._state = self.DeclareDiscreteState(4)
         self.DeclareVectorOutputPort(
             "joint_state",
             2 * arm.joints,
             self._calc_joint_state,
             prerequisites_of_calc={
-                self.input_port_ticket(self._joint_port.get_index()),
+                self.input_port_ticket(joint_port.get_index()),
                 self.discrete_state_ticket(self._state),
             },
         )
@@ -106,39 +110,41 @@ class CameraPointer(LeafSystem):
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def _local_target(self, context: Context) -> Array:
-        """The target in the frame before the last, (3,) m."""
-        target = self._target
-        if self._target_port.HasValue(context):
-            target = self._target_port.Eval(context)
-        if target is None:
+    def _target_in_0(self, context: Context) -> Array:
+        """The target in frame {0}, (3,) m."""
+        target = self.EvalVectorInput(context, self._target_index)
+        if target is not None:
+            moved: Array = self._X_0W.multiply(target.value())
+            return moved
+        if self._fixed_target is None:
             raise InputError("CameraPointer has no target; connect its port or give it one")
-        joints = self._joint_port.Eval(context)[: self._arm.joints]
-        return target_before_last(self._arm, joints, self._X_0W @ target)
+        return self._fixed_target
 
     def _initialize(self, context: Context, values: DiscreteValues) -> None:
-        joint = float(self._joint_port.Eval(context)[self._arm.joints - 1])
-        pan, tilt = pan_tilt_towards(self._arm, self._mount, self._local_target(context), joint)
+        joints = input_values(self, context, self._joint_index)[: self._arm.joints]
+        local = target_before_last(self._arm, joints, self._target_in_0(context))
+        joint = float(joints[-1])
+        pan, tilt = pan_tilt_towards(self._arm, self._mount, local, joint)
         values.get_mutable_vector(self._state).SetFromVector([joint, 0.0, pan, tilt])
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        joint, rate, *before = context.get_discrete_state(self._state).CopyToVector()
-        target, mount, period = self._local_target(context), self._mount, self._period
-        missing = joint_towards(mount, target, otherwise=joint) - joint
-        wanted = np.clip(_GAIN * missing, -mount.joint_speed, mount.joint_speed)
-        change = _GAIN * mount.joint_speed * period
-        rate += np.clip(wanted - rate, -change, change)
-        joint += rate * period
-        reach = mount.pan_tilt_speed * period
-        after = np.array(pan_tilt_towards(self._arm, mount, target, joint))
-        moved = before + np.clip(after - before, -reach, reach)
-        values.get_mutable_vector(self._state).SetFromVector([joint, rate, *moved])
+        step_pointing(
+            self._chain,
+            self._mirror,
+            self._mount.numbers,
+            _GAIN,
+            self._period,
+            input_values(self, context, self._joint_index),
+            self._target_in_0(context),
+            # It holds the present values.
+            values.get_mutable_vector(self._state).get_mutable_value(),
+        )
 
     def _calc_joint_state(self, context: Context, output: BasicVector) -> None:
-        joints = np.array(self._joint_port.Eval(context))
-        joint, rate, _, _ = context.get_discrete_state(self._state).CopyToVector()
-        joints[self._arm.joints - 1], joints[-1] = joint, rate
-        output.SetFromVector(joints)
+        joint_state = output.get_mutable_value()
+        joint_state[:] = input_values(self, context, self._joint_index)
+        joint, rate = context.get_discrete_state(self._state).value()[:2]
+        joint_state[self._arm.joints - 1], joint_state[-1] = joint, rate
 
     def _calc_pan_tilt(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).CopyToVector()[2:])
+        output.SetFromVector(context.get_discrete_state(self._state).value()[2:])

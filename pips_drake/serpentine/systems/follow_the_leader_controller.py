@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from pydrake.systems.framework import (
 from pips_drake.errors import NotFollowableError
 from pips_drake.serpentine import solver as codes
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.systems.inputs import input_values
 from pips_drake.serpentine.tip_path import TipPath
 
 if TYPE_CHECKING:
@@ -64,10 +65,10 @@ class FollowTheLeaderController(LeafSystem):
         super().__init__()
         self._solver = solver
         joints, modules = solver.arm.joints, solver.arm.modules
-        self._tip_port = self.DeclareVectorInputPort("tip", 2)
-        self._path_port = self.DeclareAbstractInputPort("path", AbstractValue.Make(object()))
-        prerequisites = {self.input_port_ticket(self._tip_port.get_index())}
-        prerequisites.add(self.input_port_ticket(self._path_port.get_index()))
+        tip_port = self.DeclareVectorInputPort("tip", 2)
+        path_port = self.DeclareAbstractInputPort("path", AbstractValue.Make(object()))
+        self._tip_index, self._path_index = int(tip_port.get_index()), int(path_port.get_index())
+        prerequisites = {self.input_port_ticket(port.get_index()) for port in (tip_port, path_port)}
         self._lengths = None
         if solver.carries_over:
             self._lengths = self.DeclareDiscreteState(solver.initial_module_lengths)
@@ -89,24 +90,33 @@ class FollowTheLeaderController(LeafSystem):
             "solution", 2, self._calc_solution, prerequisites_of_calc=from_posture
         )
 
-    def _solve(self, context: Context) -> tuple[TipPath, float, float, Array, list[Any]]:
-        path: TipPath = self._path_port.Eval(context)
-        s, speed = self._tip_port.Eval(context)
+    def _solve(self, context: Context) -> tuple[TipPath, float, list[Array], int, Array]:
+        """Path, arc length, what the two outputs say, status, and the module lengths."""
+        path = self._path(context)
+        s, speed = input_values(self, context, self._tip_index).tolist()
         lengths = self._solver.initial_module_lengths
         if self._lengths is not None:
             lengths = context.get_discrete_state(self._lengths).CopyToVector()
-        return path, s, speed, lengths, list(self._solver.solve_one(path, s, lengths))
+        outputs = [np.empty(2 * self._solver.arm.joints), np.empty(2)]
+        status = self._solver.follow(path, (s, speed), lengths, *outputs)
+        return path, s, outputs, status, lengths
+
+    def _path(self, context: Context) -> TipPath:
+        value = self.EvalAbstractInput(context, self._path_index)
+        if value is None:
+            # Drake's own words for it.
+            return self.get_input_port(self._path_index).Eval(context)
+        return value.get_value()
 
     def _calc_posture(self, context: Context, value: AbstractValue) -> None:
-        path, s, speed, _, (q, arcs, status, iterations, error) = self._solve(context)
+        path, s, outputs, status, _ = self._solve(context)
         if status != codes.CONVERGED:
             solution = self._solver.solve(path, [s])
             raise NotFollowableError(self._solver.explain(path, solution, 0), s)
-        rates = self._solver.rates(path, q, arcs)[0] * speed
-        value.set_value([np.concatenate([q, rates]), np.array([error, float(iterations)])])
+        value.set_value(outputs)
 
     def _update_lengths(self, context: Context, values: DiscreteValues) -> None:
-        _, _, _, lengths, _ = self._solve(context)
+        *_, lengths = self._solve(context)
         values.get_mutable_vector(self._lengths).SetFromVector(lengths)
 
     def _calc_joint_state(self, context: Context, output: BasicVector) -> None:

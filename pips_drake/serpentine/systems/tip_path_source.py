@@ -108,7 +108,8 @@ class TipPathSource(LeafSystem):
         return command
 
     def _update_state(self, context: Context, values: DiscreteValues) -> None:
-        time, rate, phase, dwell = context.get_discrete_state(self._state).CopyToVector()
+        # Python's own numbers: several times faster than numpy's.
+        time, rate, phase, dwell = context.get_discrete_state(self._state).value().tolist()
         command, end = self._command(context), self._profile.duration
         if phase == DWELLING and command == RUN:
             dwell -= self._period
@@ -119,16 +120,17 @@ class TipPathSource(LeafSystem):
         wanted = 0.0 if command == HOLD else {EXTENDING: 1.0, RETRACTING: -1.0}.get(phase, 0.0)
         if time <= 0.0 or time >= end:
             rate = wanted
-        new_rate = rate + np.clip(wanted - rate, -self._rate_step, self._rate_step)
+        new_rate = rate + min(max(wanted - rate, -self._rate_step), self._rate_step)
         time = min(max(time + 0.5 * (rate + new_rate) * self._period, 0.0), end)
         if phase == EXTENDING and time >= end:
             new_rate, phase = 0.0, DWELLING
         elif phase == RETRACTING and time <= 0.0:
             new_rate, phase = 0.0, DONE
-        values.get_mutable_vector(self._state).SetFromVector([time, new_rate, phase, dwell])
+        after = values.get_mutable_vector(self._state)
+        after.SetFromVector(np.array([time, new_rate, phase, dwell]))
 
     def _calc_tip(self, context: Context, output: BasicVector) -> None:
-        time, rate = context.get_discrete_state(self._state).CopyToVector()[:2]
+        time, rate = context.get_discrete_state(self._state).value().tolist()[:2]
         travel, speed = self._profile(time)
         output.SetFromVector([self._path.home_arc_length + travel, speed * rate])
 
@@ -136,4 +138,4 @@ class TipPathSource(LeafSystem):
         output.set_value(self._path)
 
     def _calc_phase(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).CopyToVector()[2:3])
+        output.SetFromVector(context.get_discrete_state(self._state).value()[2:3])
