@@ -48,6 +48,13 @@ class Body:
     size: Array
     centre: Array
 
+    @property
+    def moments(self) -> Array:
+        """Moments of inertia about the centre and the frame's axes, (3,) kg m^2."""
+        square = self.size**2
+        moments: Array = self.mass * (square[[1, 0, 0]] + square[[2, 2, 1]]) / 12.0
+        return moments
+
 
 @dataclass(frozen=True, kw_only=True)
 class SerpentineArm:
@@ -71,6 +78,7 @@ class SerpentineArm:
             and Nm/rad, N and Nm, m/s and rad/s.
         base_overtravel: how far those can go beyond their limits, (2,) m and rad.
         actuator_damping_time: damping over stiffness, s.
+        drive_acceleration_time: in which a drive reaches its full speed, s.
     """
 
     name: str
@@ -90,6 +98,7 @@ class SerpentineArm:
     base_speed_limit: Array
     base_overtravel: Array
     actuator_damping_time: float
+    drive_acceleration_time: float
 
     @property
     def modules(self) -> int:
@@ -225,6 +234,7 @@ def make_arm(config: ArmFile) -> SerpentineArm:
             [drives.d1.overtravel_mm * 1e-3, math.radians(drives.theta2.overtravel_deg)]
         ),
         actuator_damping_time=config.actuator_damping_time_s,
+        drive_acceleration_time=config.drive_acceleration_time_s,
     )
     for joint, name, prismatic in zip(
         config.joints, arm.joint_names, arm.is_prismatic, strict=True

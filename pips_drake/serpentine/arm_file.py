@@ -192,6 +192,7 @@ class ArmFile:
     spine_offset_fraction: float = 0.0
     actuator_overtravel_mm: float = 0.0
     actuator_damping_time_s: float = 0.0
+    drive_acceleration_time_s: float = 0.0
     motion_base_drives: MotionBaseDrivesConfig = field(default_factory=MotionBaseDrivesConfig)
     short_link_mass_kg: float = 0.0
     carriage: CarriageConfig = field(default_factory=CarriageConfig)
@@ -209,7 +210,9 @@ class ArmFile:
             require(segment.box in self.boxes, "segments.box", segment.box, f"one of {known}")
         joints = 2 * len(self.segments) + 2
         require(len(self.joints) == joints, "rows in joints", len(self.joints), f"{joints}")
-        require_positive(self, "short_link_mass_kg", "actuator_damping_time_s")
+        require_positive(
+            self, "short_link_mass_kg", "actuator_damping_time_s", "drive_acceleration_time_s"
+        )
         require(
             self.actuator_overtravel_mm >= 0.0,
             "actuator_overtravel_mm",

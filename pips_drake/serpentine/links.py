@@ -204,7 +204,6 @@ def _relative_pose(arm: SerpentineArm, j: int) -> tuple[Array, Rotation]:
 
 def _make_link(arm: SerpentineArm, body: Body, joint: Joint | None) -> Link:
     centre = body.centre * arm.mirror
-    square = body.size**2
     box = Shape(name=f"{body.name}_collision", kind="box", size=body.size, centre=centre)
     collisions, visuals = [box], []
     kind = body.name.rstrip("0123456789_")
@@ -233,7 +232,7 @@ def _make_link(arm: SerpentineArm, body: Body, joint: Joint | None) -> Link:
         joint=joint,
         mass=body.mass,
         centre=centre,
-        moments=body.mass * (square[[1, 0, 0]] + square[[2, 2, 1]]) / 12.0,
+        moments=body.moments,
         visuals=tuple(visuals),
         collisions=tuple(collisions),
     )
