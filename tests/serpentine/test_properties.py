@@ -91,6 +91,8 @@ def holds_on_the_path(case: Case) -> None:
             # The solver's tolerance, and rounding of coordinates up to 10 m.
             assert case.drawn.distance(point) < 1e-9 * INCH + 1e-13
             assert np.linalg.norm(point - case.drawn.point(float(s))) < 1e-9 * INCH + 1e-13
+    wanted = case.solution.spine_points
+    np.testing.assert_allclose(reached, wanted, rtol=0, atol=1e-9 * INCH + 1e-13)
     np.testing.assert_array_equal(case.solution.spine_arc_lengths[:, -1], case.tips)
     assert np.all(np.diff(case.solution.spine_arc_lengths, axis=1) > 0.0)
     # No spine point goes back while the tip goes on.
