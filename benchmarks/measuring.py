@@ -65,17 +65,15 @@ class Line:
         return float(np.median(self.ratios)) if self.peer.size else None
 
     @property
-    def met(self) -> bool | None:
-        """Whether every aim is met by the medians; None without an aim."""
-        found = []
-        if self.ratio_aim is not None and self.ratio is not None:
-            found.append(self.ratio >= self.ratio_aim)
+    def aims(self) -> dict[str, bool]:
+        """Each aim as text, and whether the medians meet it."""
+        found = {}
         if self.value_aim is not None:
-            value = float(np.median(self.ours))
-            found.append(
-                value >= self.value_aim if self.more_is_better else value <= self.value_aim
-            )
-        return all(found) if found else None
+            name = f"{self.value_aim:g} {self.unit}"
+            found[name] = float(np.median(self.ours)) <= self.value_aim
+        if self.ratio_aim is not None and self.ratio is not None:
+            found[f"{self.ratio_aim:g} times"] = self.ratio >= self.ratio_aim
+        return found
 
 
 def measure_in_turn(
