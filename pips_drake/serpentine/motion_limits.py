@@ -43,6 +43,9 @@ GRID_STEP = 1e-3
 MOST_INTERVALS = 20_000
 #: At least this many: of a short path too.
 LEAST_INTERVALS = 200
+#: Share of a limit that is left for motion at least where rest all but uses it up: there, smoothing
+#: may cost this much more than the limit, and stretches time without end if nothing is left.
+_NO_ROOM = 1e-3
 #: No tip is faster, whatever the drives allow, m/s.
 FASTEST_TIP = 10.0
 
@@ -85,8 +88,8 @@ def path_motion(
     if not path.is_smooth:
         corner = math.degrees(float(path.corner_angles().max()))
         raise InputError(
-            f"{path.label}: has corners (up to {corner:.3g} deg), at which no motion but rest keeps "
-            "a limit of acceleration; must be smooth (corner_deviation_in > 0)"
+            f"{path.label}: has corners (up to {corner:.3g} deg), where only rest keeps a "
+            "limit of acceleration; must be smooth (corner_deviation_in > 0)"
         )
     count = math.ceil(path.travel / step)
     count = min(max(count, LEAST_INTERVALS), MOST_INTERVALS)
@@ -210,13 +213,19 @@ def fastest_motion(
 def profile_shares(
     limits: TravelLimits, profile: TimeOptimalProfile, time: ArrayLike
 ) -> tuple[Array, Array]:
-    """What a profile uses of the limits at times (T,) s: (T, V) of speed, and bands (T, B) signed."""
+    """What a profile uses at times (T,) s of speed limits, (T, V), and of bands, signed, (T, B)."""
     travel, speed, acceleration = profile.motion(time)
-    i = np.clip(np.searchsorted(limits.travel, travel, side="right") - 1, 0, len(limits.travel) - 2)
+    i = _intervals(limits, travel)
     speeds = speed[:, None] / np.minimum(limits.speed[i], limits.speed[i + 1])
     x = speed[:, None] ** 2
     bands = limits.slope[i] * acceleration[:, None] + limits.curve[i] * x + limits.offset[i]
     return speeds, bands
+
+
+def _intervals(limits: TravelLimits, travel: Array) -> NDArray[np.int_]:
+    """In which interval each travel (T,) m is."""
+    found = np.searchsorted(limits.travel, travel, side="right") - 1
+    return np.clip(found, 0, len(limits.travel) - 2)
 
 
 def slow_to_limits(limits: TravelLimits, profile: TimeOptimalProfile) -> TimeOptimalProfile:
@@ -228,14 +237,10 @@ def slow_to_limits(limits: TravelLimits, profile: TimeOptimalProfile) -> TimeOpt
     """
     time = np.linspace(0.0, profile.duration, 4 * len(limits.travel) + 1)
     speeds, bands = profile_shares(limits, profile, time)
-    i = np.clip(
-        np.searchsorted(limits.travel, profile.motion(time)[0], side="right") - 1,
-        0,
-        len(limits.travel) - 2,
-    )
-    moving = bands - limits.offset[i]
-    room = 1.0 - np.sign(moving) * limits.offset[i]
-    squared = np.max(np.abs(moving) / np.maximum(room, _NO_ROOM), initial=1.0)
+    rest = limits.offset[_intervals(limits, profile.motion(time)[0])]
+    moving = bands - rest
+    room = np.maximum(1.0 - np.sign(moving) * rest, _NO_ROOM)
+    squared = np.max(np.abs(moving) / room, initial=1.0)
     slowdown = max(float(speeds.max(initial=1.0)), math.sqrt(float(squared)))
     return TimeOptimalProfile(
         points=profile.points,
@@ -243,7 +248,3 @@ def slow_to_limits(limits: TravelLimits, profile: TimeOptimalProfile) -> TimeOpt
         smoothing=profile.smoothing,
         slowdown=slowdown,
     )
-
-
-#: Share of a limit that rest must leave for a motion; with less, slowing down helps no more.
-_NO_ROOM = 1e-3

@@ -1,10 +1,29 @@
-"""A smooth speed profile from rest to rest along a path."""
+"""How the tip travels along a path over time: what such a profile is, and the simplest one."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from pips_drake.errors import InputError
+
+
+class MotionProfile(Protocol):
+    """Travel as a function of time, from rest to rest.
+
+    `RestToRestProfile` is the constant speed of the report; `time_optimal` has the fastest.
+    """
+
+    @property
+    def travel(self) -> float:
+        """m."""
+
+    @property
+    def duration(self) -> float:
+        """s."""
+
+    def __call__(self, time: float) -> tuple[float, float]:
+        """Travel (m) and speed (m/s) at a time (s); at rest before and after."""
 
 
 @dataclass(frozen=True, kw_only=True)

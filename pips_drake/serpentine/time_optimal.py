@@ -16,6 +16,8 @@ path parameterization based on reachability analysis", IEEE Transactions on Robo
 
 from __future__ import annotations
 
+import bisect
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -84,12 +86,11 @@ class TravelLimits:
     def shares(self, squared_speed: Array) -> Array:
         """How much of each limit a motion x (N,) m^2/s^2 uses in each interval, (N - 1, V + B).
 
-        Of a bound of speed the larger share at the interval's two ends; of a band its size in the
-        middle.
+        Of a bound of speed the mean at the interval's two ends; of a band its size in the middle.
         """
         speed = np.sqrt(squared_speed)[:, None] / self.speed
         bands = self.band_values(squared_speed)
-        return np.hstack([np.maximum(speed[:-1], speed[1:]), np.abs(bands)])
+        return np.hstack([0.5 * (speed[:-1] + speed[1:]), np.abs(bands)])
 
     def band_values(self, squared_speed: Array) -> Array:
         """The bands of a motion x (N,) m^2/s^2, (N - 1, B); within -1 .. 1 where they are kept."""
@@ -252,8 +253,35 @@ class TimeOptimalProfile:
 
     def __call__(self, time: float) -> tuple[float, float]:
         """Travel (m) and speed (m/s) at a time (s); at rest before and after."""
-        travel, speed, _ = self.motion(time)
-        return float(travel), float(speed)
+        # A control loop asks: without arrays it is thirty times as fast as `motion`.
+        clock, w = time / self.slowdown, self.smoothing
+        if time <= 0.0:
+            return 0.0, 0.0
+        if time >= self.duration:
+            return self.travel, 0.0
+        _, travel, speed = self._unsmoothed_at(clock)
+        if w > 0.0:
+            area, late, _ = self._unsmoothed_at(clock)
+            before, early, _ = self._unsmoothed_at(clock - w)
+            travel, speed = (area - before) / w, (late - early) / w
+        return min(max(travel, 0.0), self.travel), speed / self.slowdown
+
+    @cached_property
+    def _lists(self) -> tuple[list[float], ...]:
+        """The table and the points, for looking one instant up."""
+        return tuple(column.tolist() for column in (*self._table, self.points))
+
+    def _unsmoothed_at(self, time: float) -> tuple[float, float, float]:
+        """Integral of travel, travel and speed at one time, s."""
+        times, speeds, accelerations, areas, points = self._lists
+        if time <= 0.0:
+            return 0.0, 0.0, 0.0
+        if time >= times[-1]:
+            return areas[-1] + points[-1] * (time - times[-1]), points[-1], 0.0
+        i = bisect.bisect_right(times, time) - 1
+        t, a, v, s = time - times[i], accelerations[i], speeds[i], points[i]
+        area = areas[i] + t * (s + t * (v / 2.0 + t * a / 6.0))
+        return area, s + t * (v + t * a / 2.0), v + a * t
 
     def motion(self, time: ArrayLike) -> tuple[Array, Array, Array]:
         """Travel (m), speed (m/s) and acceleration (m/s^2) at times (...) s."""
@@ -305,7 +333,7 @@ class BindingSegment:
 
 
 def binding_limits(limits: TravelLimits, squared_speed: Array) -> tuple[NDArray[np.int_], Array]:
-    """The limit that binds in each interval, (N - 1,), and the share of it that is used, (N - 1,)."""
+    """The limit that binds in each interval, and the share of it that is used, (N - 1,) each."""
     shares = limits.shares(squared_speed)
     which = shares.argmax(axis=1)
     return which, shares[np.arange(len(shares)), which]
@@ -325,5 +353,5 @@ def binding_segments(
             end=float(limits.travel[last]),
             duration=float(time[last] - time[first]),
         )
-        for first, last in zip(cuts[:-1], cuts[1:], strict=True)
+        for first, last in itertools.pairwise(cuts)
     )
