@@ -6,6 +6,7 @@ good for watching a run, no proof.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 
 Array = NDArray[np.float64]
+
+#: The share of the range that is looked at first. Trajectory 4's least distances lie below 0.35 of
+#: theirs (0.5 m), for the scene and for the arm itself; 8 pairs of 100 are that near.
+_FIRST_SHARE = 0.4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,15 +86,31 @@ class ClearanceQuery:
 
     def least(self, query: QueryObject) -> tuple[LeastDistance, LeastDistance]:
         """The robot's least distance to the scene, and to itself."""
-        pairs = query.ComputeSignedDistancePairwiseClosestPoints(self.max_distance)
         scene = own = None
-        for pair in pairs:
-            count = (pair.id_A in self._robot) + (pair.id_B in self._robot)
-            if count == 1 and (scene is None or pair.distance < scene.distance):
-                scene = pair
-            elif count == 2 and (own is None or pair.distance < own.distance):
-                own = pair
+        # Whatever is found within a shorter range is the least; finding nothing there says only
+        # that there is nothing. Most of the time goes by with pairs far apart.
+        for share in (_FIRST_SHARE, 1.0):
+            pairs = query.ComputeSignedDistancePairwiseClosestPoints(share * self.max_distance)
+            scene, own = self._nearest(pairs)
+            if scene is not None and own is not None:
+                break
         return self._describe(query, scene), self._describe(query, own)
+
+    def _nearest(
+        self, pairs: Sequence[SignedDistancePair]
+    ) -> tuple[SignedDistancePair | None, SignedDistancePair | None]:
+        """Nearest of robot and scene, and of the robot with itself."""
+        robot = self._robot
+        scene = own = None
+        scene_distance = own_distance = math.inf
+        for pair in pairs:
+            first, second = pair.id_A in robot, pair.id_B in robot
+            if first and second:
+                if pair.distance < own_distance:
+                    own, own_distance = pair, pair.distance
+            elif (first or second) and pair.distance < scene_distance:
+                scene, scene_distance = pair, pair.distance
+        return scene, own
 
     def _describe(self, query: QueryObject, pair: SignedDistancePair | None) -> LeastDistance:
         if pair is None:
@@ -101,10 +122,11 @@ class ClearanceQuery:
                 normal=nothing[0],
                 bodies=None,
             )
-        X_WA, X_WB = query.GetPoseInWorld(pair.id_A), query.GetPoseInWorld(pair.id_B)
-        points = np.stack([X_WA @ pair.p_ACa, X_WB @ pair.p_BCb])
-        normal, bodies = pair.nhat_BA_W, (self._bodies[pair.id_A], self._bodies[pair.id_B])
-        if pair.id_A not in self._robot:
+        first, second = pair.id_A, pair.id_B
+        X_WA, X_WB = query.GetPoseInWorld(first), query.GetPoseInWorld(second)
+        points = np.array([X_WA.multiply(pair.p_ACa), X_WB.multiply(pair.p_BCb)])
+        normal, bodies = pair.nhat_BA_W, (self._bodies[first], self._bodies[second])
+        if first not in self._robot:
             points, normal, bodies = points[::-1], -normal, bodies[::-1]
         return LeastDistance(
             distance=float(pair.distance),

@@ -11,7 +11,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import drive_columns, write_joint_state
-from pips_drake.serpentine.systems.inputs import input_values
+from pips_drake.twin.systems.inputs import input_values
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import write_drive_state
-from pips_drake.serpentine.systems.inputs import input_values
+from pips_drake.twin.systems.inputs import input_values
 
 
 class ActuatorLengthMap(LeafSystem):

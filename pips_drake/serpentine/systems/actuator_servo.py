@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import cut_to_stroke, drive_limits, step_servos
-from pips_drake.serpentine.systems.inputs import input_values
+from pips_drake.twin.systems.inputs import input_values
 
 Array = NDArray[np.float64]
 

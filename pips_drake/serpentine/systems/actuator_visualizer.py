@@ -16,11 +16,12 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.truss import TUBE_RADIUS, actuator_pins
+from pips_drake.twin.systems.inputs import input_object
 
 #: Tube and rod: red, green, blue, opacity.
 _TUBE_COLOUR, _ROD_COLOUR = (0.80, 0.36, 0.12, 1.0), (0.92, 0.92, 0.95, 1.0)
@@ -76,13 +77,14 @@ class ActuatorVisualizer(LeafSystem):
         period: float | None = None,
     ) -> None:
         super().__init__()
-        self._inner_pins, self._outer_pins = actuator_pins(arm)
-        bodies = [plant.GetBodyByName(body.name, model).index() for body in arm.bodies]
+        inner_pins, outer_pins = actuator_pins(arm)
+        bodies = [int(plant.GetBodyByName(body.name, model).index()) for body in arm.bodies]
         first = arm.first_actuated_joint
-        self._inner_bodies: list[BodyIndex] = bodies[first - 1 : -1]
-        self._outer_bodies: list[BodyIndex] = bodies[first:]
         self.source_id = scene_graph.RegisterSource("actuator_visualizer")
-        self._frames: list[tuple[FrameId, FrameId]] = []
+        # Inner body and the pin in it, outer body and the pin in it, tube and rod.
+        self._actuators: list[
+            tuple[int, RigidTransform, int, RigidTransform, FrameId, FrameId]
+        ] = []
         for k, name in enumerate(arm.actuator_names):
             reach = float(arm.linkage.anchor_inner[k])
             length = _PART_LENGTH * float(arm.linkage.length_upper[k])
@@ -92,10 +94,13 @@ class ActuatorVisualizer(LeafSystem):
             rod = self._register(
                 scene_graph, f"{name}_rod", _ROD_RADIUS * reach, length, _ROD_COLOUR
             )
-            self._frames.append((tube, rod))
-        self._poses_port = self.DeclareAbstractInputPort(
+            inner, outer = RigidTransform(inner_pins[k]), RigidTransform(outer_pins[k])
+            j = first + k
+            self._actuators.append((bodies[j - 1], inner, bodies[j], outer, tube, rod))
+        poses_port = self.DeclareAbstractInputPort(
             "body_poses", AbstractValue.Make([RigidTransform()])
         )
+        self._poses_index = int(poses_port.get_index())
         if period is None:
             self.DeclareAbstractOutputPort(
                 "geometry_pose",
@@ -104,8 +109,9 @@ class ActuatorVisualizer(LeafSystem):
             )
             return
         start = FramePoseVector()
-        for frame in (frame for pair in self._frames for frame in pair):
-            start.set_value(frame, RigidTransform())
+        for *_, tube, rod in self._actuators:
+            start.set_value(tube, RigidTransform())
+            start.set_value(rod, RigidTransform())
         self._state = self.DeclareAbstractState(AbstractValue.Make(start))
         self.DeclareStateOutputPort("geometry_pose", self._state)
         self.DeclareInitializationUnrestrictedUpdateEvent(self._update_poses)
@@ -138,14 +144,16 @@ class ActuatorVisualizer(LeafSystem):
         output.set_value(self._poses(context))
 
     def _poses(self, context: Context) -> FramePoseVector:
-        poses = self._poses_port.Eval(context)
+        poses = input_object(self, context, self._poses_index)
         vector = FramePoseVector()
-        for k, (tube, rod) in enumerate(self._frames):
-            inner = poses[int(self._inner_bodies[k])] @ self._inner_pins[k]
-            outer = poses[int(self._outer_bodies[k])] @ self._outer_pins[k]
-            for frame, start, end in ((tube, inner, outer), (rod, outer, inner)):
-                rotation = RotationMatrix.MakeFromOneVector(end - start, 2)
-                vector.set_value(frame, RigidTransform(rotation, start))
+        make_rotation = RotationMatrix.MakeFromOneVector
+        for inner_body, X_BI, outer_body, X_BO, tube, rod in self._actuators:
+            # Poses of the pins, of which only the places matter: faster than moving points.
+            inner = poses[inner_body].multiply(X_BI).translation()
+            outer = poses[outer_body].multiply(X_BO).translation()
+            along = outer - inner
+            vector.set_value(tube, RigidTransform(make_rotation(along, 2), inner))
+            vector.set_value(rod, RigidTransform(make_rotation(-along, 2), outer))
         return vector
 
 

@@ -16,7 +16,7 @@ from pips_drake.serpentine.pointing import (
     step_pointing,
     target_before_last,
 )
-from pips_drake.serpentine.systems.inputs import input_values
+from pips_drake.twin.systems.inputs import input_values
 
 Array = NDArray[np.float64]
 

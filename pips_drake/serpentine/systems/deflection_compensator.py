@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.statics import deflection_terms, write_deflection_offset
-from pips_drake.serpentine.systems.inputs import input_values
+from pips_drake.twin.systems.inputs import input_values
 
 
 class DeflectionCompensator(LeafSystem):

@@ -19,8 +19,8 @@ from pydrake.systems.framework import (
 from pips_drake.errors import NotFollowableError
 from pips_drake.serpentine import solver as codes
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
-from pips_drake.serpentine.systems.inputs import input_values
 from pips_drake.serpentine.tip_path import TipPath
+from pips_drake.twin.systems.inputs import input_object, input_values
 
 if TYPE_CHECKING:
     Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ class FollowTheLeaderController(LeafSystem):
 
     def _solve(self, context: Context) -> tuple[TipPath, float, list[Array], int, Array]:
         """Path, arc length, what the two outputs say, status, and the module lengths."""
-        path = self._path(context)
+        path: TipPath = input_object(self, context, self._path_index)
         s, speed = input_values(self, context, self._tip_index).tolist()
         lengths = self._solver.initial_module_lengths
         if self._lengths is not None:
@@ -100,13 +100,6 @@ class FollowTheLeaderController(LeafSystem):
         outputs = [np.empty(2 * self._solver.arm.joints), np.empty(2)]
         status = self._solver.follow(path, (s, speed), lengths, *outputs)
         return path, s, outputs, status, lengths
-
-    def _path(self, context: Context) -> TipPath:
-        value = self.EvalAbstractInput(context, self._path_index)
-        if value is None:
-            # Drake's own words for it.
-            return self.get_input_port(self._path_index).Eval(context)
-        return value.get_value()
 
     def _calc_posture(self, context: Context, value: AbstractValue) -> None:
         path, s, outputs, status, _ = self._solve(context)

@@ -8,7 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from pips_drake.config import require
 from pips_drake.errors import InputError
-from pips_drake.serpentine.motion_profile import RestToRestProfile
+from pips_drake.serpentine.motion_profile import MotionProfile
 from pips_drake.serpentine.tip_path import TipPath
 
 #: Phases of a run, as the `phase` output says them.
@@ -62,7 +62,7 @@ class TipPathSource(LeafSystem):
     def __init__(
         self,
         path: TipPath,
-        profile: RestToRestProfile,
+        profile: MotionProfile,
         *,
         dwell: float = 0.0,
         retract: bool = True,

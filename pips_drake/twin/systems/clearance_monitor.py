@@ -14,6 +14,7 @@ from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pips_drake.twin.clearance import ClearanceQuery, LeastDistance
+from pips_drake.twin.systems.inputs import input_object
 
 if TYPE_CHECKING:
     from pydrake.multibody.plant import MultibodyPlant
@@ -74,19 +75,21 @@ class ClearanceMonitor(LeafSystem):
         self._query = ClearanceQuery(plant, robot, max_distance=max_distance)
         bodies = plant.num_bodies()
         self._names = [str(plant.get_body(_body(plant, i)).scoped_name()) for i in range(bodies)]
-        self._query_port = self.DeclareAbstractInputPort(
+        query_port = self.DeclareAbstractInputPort(
             "query_object", AbstractValue.Make(QueryObject())
         )
-        self._poses_port = self.DeclareAbstractInputPort(
+        poses_port = self.DeclareAbstractInputPort(
             "body_poses", AbstractValue.Make([RigidTransform()])
         )
-        self._velocities_port = self.DeclareAbstractInputPort(
+        velocities_port = self.DeclareAbstractInputPort(
             "body_spatial_velocities", AbstractValue.Make([SpatialVelocity()])
         )
-        clearance = self.DeclareDiscreteState([max_distance, np.nan, max_distance])
-        witness = self.DeclareDiscreteState([-1.0] + [np.nan] * 6)
-        self.DeclareStateOutputPort("clearance", clearance)
-        self.DeclareStateOutputPort("witness", witness)
+        self._query_index = int(query_port.get_index())
+        self._motion_indices = int(poses_port.get_index()), int(velocities_port.get_index())
+        self._clearance = self.DeclareDiscreteState([max_distance, np.nan, max_distance])
+        self._witness = self.DeclareDiscreteState([-1.0] + [np.nan] * 6)
+        self.DeclareStateOutputPort("clearance", self._clearance)
+        self.DeclareStateOutputPort("witness", self._witness)
         self.DeclareInitializationDiscreteUpdateEvent(self._update_clearance)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update_clearance)
 
@@ -98,24 +101,28 @@ class ClearanceMonitor(LeafSystem):
         return self._names[first], self._names[second]
 
     def _update_clearance(self, context: Context, values: DiscreteValues) -> None:
-        scene, own = self._query.least(self._query_port.Eval(context))
+        scene, own = self._query.least(input_object(self, context, self._query_index))
         rate, index = np.nan, -1.0
         if scene.bodies is not None:
             rate = self._rate(context, scene)
             index = float(int(scene.bodies[0]) * len(self._names) + int(scene.bodies[1]))
-        values.get_mutable_vector(0).SetFromVector([scene.distance, rate, own.distance])
-        values.get_mutable_vector(1).SetFromVector([index, *scene.points.ravel()])
+        clearance = values.get_mutable_vector(self._clearance).get_mutable_value()
+        clearance[:] = scene.distance, rate, own.distance
+        witness = values.get_mutable_vector(self._witness).get_mutable_value()
+        witness[0] = index
+        witness[1:] = scene.points.ravel()
 
     def _rate(self, context: Context, nearest: LeastDistance) -> float:
-        if not (self._poses_port.HasValue(context) and self._velocities_port.HasValue(context)):
+        values = [self.EvalAbstractInput(context, index) for index in self._motion_indices]
+        if None in values or nearest.bodies is None:
             return np.nan
-        poses, velocities = self._poses_port.Eval(context), self._velocities_port.Eval(context)
-        points_velocity = []
-        for body, point in zip(nearest.bodies or (), nearest.points, strict=True):
-            V_WB = velocities[int(body)]
-            arm = point - poses[int(body)].translation()
-            points_velocity.append(V_WB.translational() + np.cross(V_WB.rotational(), arm))
-        return float(nearest.normal @ (points_velocity[0] - points_velocity[1]))
+        poses, velocities = (value.get_value() for value in values)
+        first, second = (
+            # As a point of its body.
+            velocities[body].Shift(point - poses[body].translation()).translational()
+            for body, point in zip(map(int, nearest.bodies), nearest.points, strict=True)
+        )
+        return float(nearest.normal.dot(first - second))
 
 
 def _body(plant: MultibodyPlant, i: int) -> BodyIndex:
