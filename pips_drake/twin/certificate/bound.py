@@ -254,7 +254,7 @@ def turning_bound(shapes, pairs, poses, motion, p, k0, k1, n0, n1, segment, widt
     return lowest - ROUNDING
 
 
-@inner
+@numba.njit(cache=True)
 def fixed_bound(shapes, pairs, poses, motion, p, first, last, n, floor):
     """Lower bound over the segments from knot `first` to `last` with one normal n, m.
 

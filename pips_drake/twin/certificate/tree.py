@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Compiles functions that only compiled ones call: without wrappers for Python, which take longer
-#: to compile than the functions.
+#: Compiles functions that only compiled ones may call (Python would crash): without the wrappers
+#: for Python, which take longer to compile than the functions.
 inner = numba.njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 #: Kinds of joints.
