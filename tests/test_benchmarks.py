@@ -153,6 +153,8 @@ def test_twin_and_bare_plant_make_the_same_motion(measured):
     parts = measured["twin_clearance"]["parts"]
     assert {"plant", "ClearanceMonitor", "ActuatorServo"} <= set(parts)
     assert parts["ClearanceMonitor"] > 0.0
+    python = sum(ms for name, ms in parts.items() if name[0].isupper())
+    assert 0.0 < python < sum(parts.values()), "callbacks are a part of the run that they are in"
 
 
 @pytest.mark.slow
