@@ -14,7 +14,8 @@ from pips_drake.twin.certificate.bodies import ConvexBody, stack_shapes
 from pips_drake.twin.certificate.problem import Problem
 from pips_drake.twin.certificate.tree import FREE, PRISMATIC, REVOLUTE, Tree
 
-SIDES = 128
+#: Of the polygon that stands for a circle.
+SIDES = 96
 
 
 @dataclass
@@ -27,6 +28,9 @@ class Solid:
     shape: ConvexBody
 
 
+_ONE = np.array([0.0, 0.0, 0.0, 1.0])
+
+
 class Truth:
     """Exact distances (but for polygons in place of circles) and kinematics of its own."""
 
@@ -35,25 +39,31 @@ class Truth:
 
     def core_distance(self, p: np.ndarray, q: np.ndarray) -> float:
         """Signed distance of two convex hulls, (N, 3) and (M, 3) m."""
+        nearest = p.mean(axis=0) - q.mean(axis=0)
+        columns: list[np.ndarray] = []
+        while True:
+            # The corner of the difference that is lowest along the nearest point so far.
+            corner = p[np.argmin(p @ nearest)] - q[np.argmax(q @ nearest)]
+            square = nearest @ nearest
+            if columns and square - nearest @ corner <= 1e-13 * (1.0 + square):
+                return float(np.sqrt(square))
+            if any((corner == column).all() for column in columns):
+                return float(np.sqrt(square))
+            columns.append(corner)
+            # Lawson and Hanson's least distance programming: these nonnegative least squares are
+            # the point of the corners' hull that is nearest to 0, but for a factor.
+            weights, _ = nnls(np.vstack([np.array(columns).T, np.ones(len(columns))]), _ONE)
+            nearest = np.array(columns).T @ weights / weights.sum()
+            if np.linalg.norm(nearest) < 1e-7:
+                return self._depth(p, q)
+
+    def _depth(self, p: np.ndarray, q: np.ndarray) -> float:
+        """Minus the penetration depth of hulls that overlap, m."""
         difference = (p[:, None] - q[None]).reshape(-1, 3)
-        # Lawson and Hanson's least distance programming: the direction of the residual of these
-        # least squares is that of the difference's point nearest to 0.
-        scale = np.abs(difference).max() + 1e-300
-        matrix = np.vstack([difference.T / scale, np.ones(len(difference))])
-        weights, _ = nnls(matrix, np.array([0.0, 0.0, 0.0, 1.0]), maxiter=10000)
-        nearest = difference.T @ weights / weights.sum()
-        distance = float(np.linalg.norm(nearest))
-        if distance > 1e-7:
-            return distance
         try:
             return float(ConvexHull(difference).equations[:, 3].max())
         except QhullError:
             return 0.0
-
-    def distance(self, a: Solid, X_a, b: Solid, X_b) -> float:
-        """Signed distance of two solids, each with its body's pose (rotation, origin)."""
-        p, q = a.points @ X_a[0].T + X_a[1], b.points @ X_b[0].T + X_b[1]
-        return self.core_distance(p, q) - a.radius - b.radius
 
 
 @dataclass
@@ -132,19 +142,42 @@ class Machine:
 
     def least(self, truth: Truth, pairs, q, bound=np.inf) -> float:
         """Least distance of all pairs at a posture, unless it is above `bound`, m."""
-        poses, least = self.poses(q), bound
-        spheres = []
-        for solid in self.solids:
-            R, p = poses[solid.body]
-            centre = solid.points.mean(axis=0)
-            reach = np.linalg.norm(solid.points - centre, axis=1).max() + solid.radius
-            spheres.append((R @ centre + p, reach))
+        return min(bound, self.least_of(truth, pairs, [q]))
+
+    def least_of(self, truth: Truth, pairs, postures) -> float:
+        """Least distance of all pairs at some postures, (S, nq), m."""
+        solids = self.solids
+        poses = [self.poses(q) for q in postures]
+        placed = [
+            [solid.points @ at[solid.body][0].T + at[solid.body][1] for solid in solids]
+            for at in poses
+        ]
+        least = np.inf
         for i, j in pairs:
-            away = np.linalg.norm(spheres[i][0] - spheres[j][0]) - spheres[i][1] - spheres[j][1]
-            if away > least:
-                continue
-            a, b = self.solids[i], self.solids[j]
-            least = min(least, truth.distance(a, poses[a.body], b, poses[b.body]))
+            radii = solids[i].radius + solids[j].radius
+            # Between two postures a distance changes by no more than points move.
+            found, before = -np.inf, None
+            for here in placed:
+                p, q = here[i], here[j]
+                if before is not None:
+                    moved = sum(
+                        np.sqrt(((x - y) ** 2).sum(axis=1).max())
+                        for x, y in zip((p, q), before, strict=True)
+                    )
+                    if found - moved > least:
+                        continue
+                else:
+                    centres = p.mean(axis=0), q.mean(axis=0)
+                    reach = [
+                        np.linalg.norm(x - c, axis=1).max()
+                        for x, c in zip((p, q), centres, strict=True)
+                    ]
+                    found = np.linalg.norm(centres[0] - centres[1]) - sum(reach) - radii
+                    before = (p, q)
+                    if found > least:
+                        continue
+                found, before = truth.core_distance(p, q) - radii, (p, q)
+                least = min(least, found)
         return least
 
 

@@ -110,13 +110,9 @@ def test_no_normal_gives_a_bound_above_the_distance(random_machine, random_walk,
             n0, n1 = unit(rng), unit(rng)
             n1 = n1 if rng.random() < 0.5 else n0 + 0.2 * n1
             n1 /= np.linalg.norm(n1)
-            found = turning_bound(
-                *tree_of, poses, prepared.motion, p, 0, 1, n0, n1, 0, end - start
-            )
+            found = turning_bound(*tree_of, poses, prepared.motion, p, 0, 1, n0, n1, 0, end - start)
             assert found <= least, (seed, p)
-            still = fixed_bound(
-                *tree_of, prepared.poses, prepared.motion, p, 0, 2, n0, -np.inf
-            )
+            still = fixed_bound(*tree_of, prepared.poses, prepared.motion, p, 0, 2, n0, -np.inf)
             assert still <= over, (seed, p)
             best, checked = max(best, found), checked + 1
     assert checked == 320
@@ -128,7 +124,7 @@ def test_half_of_the_motion_bound_proves_what_is_false(random_machine, share) ->
     # A point on a long hinge grazes a plane in the middle of a segment: the chord stays clear of
     # it, the arc does not. With all of M the bound holds, with half of it it does not.
     rng = np.random.default_rng(0)
-    machine, scene, _ = random_machine(rng, joints=1, sliding=0.0)
+    machine, _, _ = random_machine(rng, joints=1, sliding=0.0)
     parent, kind, _, place, _ = machine.rows[0]
     machine.rows[0] = (parent, kind, np.eye(3), 0.0 * place, np.array([0.0, 1.0, 0.0]))
     for which, height in ((0, 1.0), (1, 1.5)):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -17,14 +19,14 @@ EXACT = 1e-9
 
 def least_sampled(machine, truth, pairs, knots, per_segment, errors=None, rng=None):
     """Least exact distance at samples of a path, m; with random errors if there are any."""
-    least = np.inf
-    for q0, q1 in zip(knots[:-1], knots[1:], strict=True):
-        for s in np.linspace(0.0, 1.0, per_segment + 1):
-            q = machine.between(q0, q1, s)
-            if errors is not None:
-                q = q + errors * rng.choice([-1.0, 1.0], size=errors.size)
-            least = machine.least(truth, pairs, q, bound=least)
-    return least
+    postures = [
+        machine.between(q0, q1, s)
+        for q0, q1 in pairwise(knots)
+        for s in np.linspace(0.0, 1.0, per_segment + 1)
+    ]
+    if errors is not None:
+        postures = [q + errors * rng.choice([-1.0, 1.0], size=errors.size) for q in postures]
+    return machine.least_of(truth, pairs, postures)
 
 
 def random_path(seed, random_machine, random_walk, count=4):
@@ -92,7 +94,7 @@ def test_knots_in_between_change_nothing(random_machine, random_walk) -> None:
     for seed in range(6):
         machine, scene, _, knots = random_path(seed, random_machine, random_walk)
         more = [knots[0]]
-        for q0, q1 in zip(knots[:-1], knots[1:], strict=True):
+        for q0, q1 in pairwise(knots):
             more += [machine.between(q0, q1, s) for s in (0.3, 0.5, 1.0)]
         once = certify(machine.problem(scene, knots), tolerance=TOLERANCE)
         again = certify(machine.problem(scene, more), tolerance=TOLERANCE)
