@@ -161,6 +161,37 @@ class Simulate:
 
 
 @dataclass(kw_only=True)
+class Verify:
+    """Re-check a proof of clearance from its planes alone, without any distance engine.
+
+    `pips check --out` and `pips simulate` write proof_commanded.npz and proof_simulated.npz.
+    """
+
+    proof: Annotated[tyro.conf.Positional[Path], _word("PROOF")]
+    """A proof file."""
+
+    def run(self) -> int:
+        from pips_drake.twin.certificate.verify import verify_proof
+
+        report = verify_proof(self.proof)
+        print(f"{self.proof}: {'PROVED' if report.proved else 'NOT PROVED'}")
+        for failure in report.failures:
+            print(f"  {failure}")
+        for name, words in (("scene", "to the scene"), ("own", "to itself")):
+            if name in report.groups:
+                group = report.groups[name]
+                print(
+                    f"  clearance {words}, claimed at least {group.lower * 1e3:.4g} mm, proved "
+                    f"{group.proved_lower * 1e3:.4g} mm, reached {group.proved_upper * 1e3:.4g} mm"
+                )
+                print(
+                    f"    {group.pair[0]} to {group.pair[1]} at {group.time:.3f} s; "
+                    f"{group.pairs} pairs, {group.planes} planes"
+                )
+        return DONE if report.proved else FAILED
+
+
+@dataclass(kw_only=True)
 class View:
     """Show a model in the browser with a slider a joint (Drake's model visualizer)."""
 
@@ -240,6 +271,7 @@ Command = (
     Annotated[Follow, tyro.conf.subcommand("follow")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[Export, tyro.conf.subcommand("export")]
@@ -331,7 +363,10 @@ _FOLLOW_LINES: tuple[Line, ...] = (
 )
 _CLEARANCE_LINES: tuple[Line, ...] = (
     ("clearance_sampled_min_m", "clearance to the scene, sampled least", 1e3, "mm"),
+    ("clearance_certified_min_m", "clearance to the scene, proved at least", 1e3, "mm"),
+    ("clearance_certified_min_with_errors_m", "the same with joint errors", 1e3, "mm"),
     ("self_clearance_sampled_min_m", "clearance to itself, sampled least", 1e3, "mm"),
+    ("self_clearance_certified_min_m", "clearance to itself, proved at least", 1e3, "mm"),
 )
 _DRIVE_LINES: tuple[Line, ...] = (
     ("actuator_force_max_fraction", "actuator force, at most", 100, "% of its limit"),

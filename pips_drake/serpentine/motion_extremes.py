@@ -95,7 +95,7 @@ def motion_extremes(
     )
 
 
-def _holds(low: Array, high: Array, angle: ArrayLike) -> NDArray[np.bool_]:
+def _holds(low: Array, high: Array, angle: Array | float) -> NDArray[np.bool_]:
     """Whether the interval of angles (rad) holds `angle`, give or take whole turns."""
     turn = 2.0 * np.pi
     held: NDArray[np.bool_] = np.floor((high - angle) / turn) >= np.ceil((low - angle) / turn)

@@ -9,6 +9,8 @@ from pips_drake.serpentine.mounting import mounting_rotation
 #: Slowest tip speed, mm/s, and longest time, s, that a scenario may ask for.
 SLOWEST, DAY = 0.1, 86400.0
 
+#: What `motion.profile` may say.
+MOTION_PROFILES = ("constant", "fastest")
 #: What `integration.scheme` may say.
 INTEGRATION_SCHEMES = ("discrete", "radau3")
 #: Beyond the finest, roundings of the integrator's differences are larger than the error asked for;
@@ -20,10 +22,22 @@ ACCURACY_FINEST, ACCURACY_COARSEST = 1e-10, 1e-2
 class MotionConfig:
     """How the tip moves along its path."""
 
-    # Tip speed between the ramps, mm/s. FACTS: 25 by default.
+    # constant: at one speed between two ramps, as in the report. fastest: as fast as the drives'
+    # limits of speed, acceleration and force let it, place by place; the path must be smooth.
+    profile: str = "constant"
+    # constant: tip speed between the ramps, mm/s. FACTS: 25 by default.
     tip_speed_mm_per_s: float = 25.0
-    # Duration of the smooth ramps at both ends, s. Two seconds stay below the arm's first mode.
+    # constant: duration of the smooth ramps at both ends, s. Two seconds stay below the arm's first
+    # mode.
     ramp_s: float = 2.0
+    # fastest: the tip is never faster, mm/s. 0 leaves that to the drives.
+    tip_speed_max_mm_per_s: float = 0.0
+    # fastest: share of each limit of the drives that it uses. The rest is left to what no plan
+    # knows: the compensation of deflection, the camera's pointing, vibration.
+    limit_share: float = 0.95
+    # fastest: window over which travel is averaged, s, so that acceleration does not jump. Half a
+    # second is more than a period of the arm's lowest mode (about 3 Hz). 0 does not average.
+    smoothing_s: float = 0.5
     # Time at the end of the path, s.
     dwell_s: float = 5.0
     # Come back along the same path after the dwell.
@@ -32,9 +46,19 @@ class MotionConfig:
     settle_s: float = 1.0
 
     def validate(self) -> None:
+        known = " or ".join(MOTION_PROFILES)
+        require(self.profile in MOTION_PROFILES, "motion.profile", self.profile, known)
         for name in ("tip_speed_mm_per_s", "ramp_s"):
             value = getattr(self, name)
             require(value > 0.0, f"motion.{name}", value, "> 0")
+        most = self.tip_speed_max_mm_per_s
+        good = most == 0.0 or SLOWEST <= most <= 1e4
+        allowed = f"0 or {SLOWEST:g} .. 1e4"
+        require(good, "motion.tip_speed_max_mm_per_s", most, allowed)
+        share = self.limit_share
+        require(0.01 <= share <= 1.0, "motion.limit_share", share, "0.01 .. 1")
+        window = self.smoothing_s
+        require(0.0 <= window <= 60.0, "motion.smoothing_s", window, "0 .. 60")
         for name in ("dwell_s", "settle_s"):
             value = getattr(self, name)
             require(value >= 0.0, f"motion.{name}", value, ">= 0")
@@ -161,6 +185,28 @@ class CheckConfig:
 
 
 @dataclass
+class CertificateConfig:
+    """Clearance proved at every instant, not only at samples (docs/certificate.md)."""
+
+    # Without it clearance is sampled alone.
+    enabled: bool = True
+    # How near the proved bound must come to a distance that is reached, mm.
+    tolerance_mm: float = 0.1
+    # Also prove what clearance is left if every joint may be off by this much at any instant, deg,
+    # and the rail, mm. For the commanded motion; it does not enter the verdict. 0 and 0 leave it
+    # out. Assumed: FTL-95 states no accuracy.
+    joint_error_deg: float = 0.05
+    rail_error_mm: float = 1.0
+
+    def validate(self) -> None:
+        good = 1e-3 <= self.tolerance_mm <= 100.0
+        require(good, "certificate.tolerance_mm", self.tolerance_mm, "0.001 .. 100")
+        for name, most in (("joint_error_deg", 10.0), ("rail_error_mm", 1000.0)):
+            value = getattr(self, name)
+            require(0.0 <= value <= most, f"certificate.{name}", value, f"0 .. {most:g}")
+
+
+@dataclass
 class ViewConfig:
     """From where renderings and the replay look at the arm and its scene."""
 
@@ -277,6 +323,7 @@ class SerpentineScenario:
     clocks: ClockConfig = field(default_factory=ClockConfig)
     integration: IntegrationConfig = field(default_factory=IntegrationConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
+    certificate: CertificateConfig = field(default_factory=CertificateConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
     # Distances beyond this are not looked at, m.

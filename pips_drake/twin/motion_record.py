@@ -33,6 +33,27 @@ class RecordedMotion:
     deviation: Array
 
 
+def thin_out(times: Array, positions: Array, knots: NDArray[np.int64]) -> RecordedMotion:
+    """Keeps some rows of a motion as knots, and the deviation of the rows between them.
+
+    Args:
+        times: (N,) s, increasing.
+        positions: (N, nq).
+        knots: rows to keep, increasing; two or more. Rows outside them are left out.
+    """
+    inside = slice(knots[0], knots[-1] + 1)
+    between = np.arange(knots[0], knots[-1] + 1)
+    segment = np.minimum(np.searchsorted(knots, between, "right") - 1, len(knots) - 2)
+    first, last = knots[segment], knots[segment + 1]
+    share = ((times[inside] - times[first]) / (times[last] - times[first]))[:, None]
+    straight = positions[first] + share * (positions[last] - positions[first])
+    return RecordedMotion(
+        times=times[knots],
+        positions=positions[knots],
+        deviation=np.abs(positions[inside] - straight).max(axis=0),
+    )
+
+
 class MotionRecorder:
     """Collects the positions of a state port at every step, thinned out as it goes.
 
@@ -84,12 +105,7 @@ class MotionRecorder:
 
     def _thin_out(self, knots: NDArray[np.int64]) -> None:
         """Keeps the rows `knots` of the tail, all but the last, and the deviation from them."""
-        times, rows = self._tail_times[: knots[-1] + 1], self._tail[: knots[-1] + 1]
-        segment = np.clip(np.searchsorted(knots, np.arange(len(times)), "right") - 1, 0, None)
-        segment = np.minimum(segment, len(knots) - 2)
-        first, last = knots[segment], knots[segment + 1]
-        share = ((times - times[first]) / (times[last] - times[first]))[:, None]
-        straight = rows[first] + share * (rows[last] - rows[first])
-        self._deviation = np.maximum(self._deviation, np.abs(rows - straight).max(axis=0))
-        self._times.append(times[knots[:-1]])
-        self._knots.append(rows[knots[:-1]])
+        motion = thin_out(self._tail_times, self._tail, knots)
+        self._deviation = np.maximum(self._deviation, motion.deviation)
+        self._times.append(motion.times[:-1])
+        self._knots.append(motion.positions[:-1])

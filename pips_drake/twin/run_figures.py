@@ -35,6 +35,7 @@ def clearance_figure(
     max_distance: float | None = None,
     own_distance: ArrayLike | None = None,
     x_axis: tuple[str, str] = ("time", "s"),
+    certified: float | None = None,
 ) -> None:
     """Least distance of the arm to the scene over time, its least point marked.
 
@@ -47,6 +48,7 @@ def clearance_figure(
             nearer"; the line has a gap there.
         own_distance: of the arm to itself, (N,) m.
         x_axis: name and unit of what the samples are listed by.
+        certified: what the arm's distance to the scene is proved to be at every instant, m.
     """
     t = np.asarray(time, dtype=np.float64)
     scene = _seen(distance, max_distance)
@@ -67,6 +69,17 @@ def clearance_figure(
     limits = []
     if threshold is not None:
         limits = [Limit(value=threshold * 1e3, label=f"must stay above {threshold * 1e3:g} mm")]
+    if certified is not None:
+        lines.append(
+            Line(
+                x=[t[0], t[-1]],
+                y=[certified * 1e3] * 2,
+                label=f"proved: never below {certified * 1e3:.2f} mm",
+                color=COLORS[2],
+                style="--",
+                width=1.2,
+            )
+        )
     if max_distance is not None:
         lines.append(
             Line(

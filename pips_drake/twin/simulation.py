@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from pips_drake.errors import PipsError
 
 if TYPE_CHECKING:
     from pydrake.systems.analysis import Simulator
+    from pydrake.systems.framework import Context
 
 #: Simulated time between two looks at progress and state, s.
 STRIDE = 0.25
@@ -44,11 +46,20 @@ class RunTime:
         return self.simulated_s / self.wall_s
 
 
-def advance(simulator: Simulator, duration: float, *, label: str = "simulating") -> RunTime:
+def advance(
+    simulator: Simulator,
+    duration: float,
+    *,
+    label: str = "simulating",
+    watch: Callable[[Context], None] | None = None,
+) -> RunTime:
     """Initializes a simulator and advances it by `duration` s.
 
     A progress bar appears when standard error is a terminal. Every `STRIDE` the state is looked at:
     Drake goes on with NaN without a word.
+
+    Args:
+        watch: called with the root context as often, and at the end.
 
     Raises:
         DivergedError: the state is not finite.
@@ -69,6 +80,8 @@ def advance(simulator: Simulator, duration: float, *, label: str = "simulating")
             done = min(done + step, duration)
             simulator.AdvanceTo(start + done)
             bar.update(step)
+            if watch is not None:
+                watch(simulator.get_mutable_context())
             _check_finite(simulator)
     return RunTime(simulated_s=duration, wall_s=time.perf_counter() - begin)
 

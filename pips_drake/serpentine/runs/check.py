@@ -10,6 +10,12 @@ from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.scene.packages import list_names
 from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.runs.certified import (
+    CertifiedMotion,
+    certified_clearance,
+    certify_commanded,
+    write_proof,
+)
 from pips_drake.serpentine.runs.follow import drive_numbers, plan_numbers, write_plan_figures
 from pips_drake.serpentine.runs.scene_report import report_scene, scenario_text
 from pips_drake.serpentine.scenario import SerpentineScenario
@@ -46,8 +52,9 @@ def check(
 ) -> Verdict:
     """Plans a scenario's path and judges the plan: limits, clearance, forces and speeds.
 
-    Postures are a quarter inch of tip travel apart. Clearance is sampled at them; forces are those
-    of statics in the scenario's mounting; speeds are those at its tip speed.
+    Postures are a quarter inch of tip travel apart. Clearance is sampled at them, and certified for
+    the whole commanded motion (`certified`); forces are those of statics in the scenario's
+    mounting; speeds are those at its tip speed.
 
     Args:
         name: for the summary.
@@ -65,8 +72,10 @@ def check(
     with output_folder(out, force=force) as partial:
         pictures = partial / "figures"
         pictures.mkdir()
-        verdict, plan, clearance = _check(scenario, setup, name, figures=pictures)
+        verdict, plan, clearance, certified = _check(scenario, setup, name, figures=pictures)
         write_plan_figures(pictures, plan)
+        if certified is not None:
+            write_proof(partial / "proof_commanded.npz", certified)
         if clearance:
             clearance_figure(
                 pictures / "clearance.png",
@@ -77,6 +86,7 @@ def check(
                 max_distance=scenario.clearance_range_m,
                 own_distance=[own.distance for _, own in clearance],
                 x_axis=("tip travel", "m"),
+                certified=certified_clearance(certified),
             )
         write_whole(partial / "scenario.yaml", scenario_text(scenario))
         write_summary(partial / "summary.json", verdict.summary)
@@ -92,7 +102,7 @@ def _check(
     name: str,
     *,
     figures: Path | None = None,
-) -> tuple[Verdict, Plan, Clearances]:
+) -> tuple[Verdict, Plan, Clearances, CertifiedMotion | None]:
     scene = report_scene(scenario, setup, figures=figures)
     plan = make_plan(setup.arm, setup.path)
     failures = list(plan.failures)
@@ -103,6 +113,7 @@ def _check(
         "rail_shift_m": setup.rail_shift,
     }
     clearance: Clearances = []
+    certified = None
     if plan.solution.solved.any():
         builder = DiagramBuilder()
         # Nothing is shown. With a period the drawn actuators stand still until a simulator asks;
@@ -117,12 +128,26 @@ def _check(
         speed = scenario.motion.tip_speed_mm_per_s * 1e-3
         summary |= drive_numbers(plan, efforts, speed) | _clearance_numbers(plan, clearance)
         failures += _failures(scenario, plan, clearance, summary)
+        if scenario.certificate.enabled and plan.followable:
+            certified, numbers, more = certify_commanded(
+                scenario,
+                setup,
+                plant=plant,
+                scene_graph=scene_graph,
+                model=model,
+                sampled={
+                    "clearance": summary["clearance_sampled_min_m"],
+                    "self_clearance": summary["self_clearance_sampled_min_m"],
+                },
+            )
+            summary |= numbers
+            failures += more
     summary |= {
         "verdict": "fail" if failures else "pass",
         "failures": failures,
         "versions": versions(),
     }
-    return Verdict(failures=tuple(failures), summary=summary), plan, clearance
+    return Verdict(failures=tuple(failures), summary=summary), plan, clearance, certified
 
 
 def _sample_clearance(

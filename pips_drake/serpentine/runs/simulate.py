@@ -27,6 +27,13 @@ from pips_drake.serpentine.drives import drive_columns, effort_columns
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import figures
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
+from pips_drake.serpentine.runs.certified import (
+    CertifiedMotion,
+    certified_clearance,
+    certify_commanded,
+    certify_simulated,
+    write_proof,
+)
 from pips_drake.serpentine.runs.film import film_run
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
 from pips_drake.serpentine.runs.pictures import (
@@ -43,11 +50,14 @@ from pips_drake.serpentine.runs.scene_report import (
 from pips_drake.serpentine.runs.sheet import write_run_sheet
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
+    VISUAL_PERIOD,
     MakeSerpentineStation,
     MakeSimulator,
     SerpentineSetup,
     load_setup,
+    make_plant,
 )
+from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.recording import Series, write_csv
 from pips_drake.twin.run_figures import clearance_figure, tracking_figure
@@ -75,12 +85,14 @@ class RunDiagram:
     Attributes:
         logs: by the names of the station's ports.
         duration: from start to end, s.
+        recorder: of the plant's motion.
     """
 
     diagram: Diagram
     station: Diagram
     logs: dict[str, VectorLogSink]
     duration: float
+    recorder: MotionRecorder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,12 +100,14 @@ class Run:
     """A finished run: the station, what it recorded, and how long it took.
 
     Attributes:
+        motion: of the plant, at every instant.
         pan_tilt: of the camera at the data's times, (N, 2) rad; None without a camera.
     """
 
     diagram: Diagram
     station: Diagram
     data: RunData
+    motion: RecordedMotion
     run_time: RunTime
     pan_tilt: Array | None = None
 
@@ -184,6 +198,12 @@ def make_run_diagram(
     for port in _LOGGED + (camera if scenario.camera.enabled else ()):
         logs[port] = LogVectorOutput(station.GetOutputPort(port), builder, period)
         logs[port].set_name(f"log.{port}")
+    recorder = MotionRecorder(
+        builder,
+        station.GetOutputPort("plant.state"),
+        positions=setup.arm.joints,
+        stride=scenario.clocks.plant_hz // scenario.clocks.control_hz,
+    )
     query = station.GetOutputPort("scene_graph.query")
     # Meldis listens on LCM: it shows whatever runs.
     DrakeVisualizer.AddToBuilder(
@@ -198,7 +218,9 @@ def make_run_diagram(
     duration = station.GetSubsystemByName("tip_path_source").duration + scenario.motion.settle_s
     if scenario.duration_s > 0.0:
         duration = min(duration, scenario.duration_s)
-    return RunDiagram(diagram=diagram, station=station, logs=logs, duration=duration)
+    return RunDiagram(
+        diagram=diagram, station=station, logs=logs, duration=duration, recorder=recorder
+    )
 
 
 def run_station(
@@ -217,7 +239,7 @@ def run_station(
     built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm)
     station = built.station
     simulator = MakeSimulator(built.diagram, scenario)
-    run_time = advance(simulator, built.duration, label=label)
+    run_time = advance(simulator, built.duration, label=label, watch=built.recorder.collect)
     context = simulator.get_context()
     recorded = {port: log.FindLog(context) for port, log in built.logs.items()}
     monitor = station.GetSubsystemByName("clearance_monitor")
@@ -242,6 +264,7 @@ def run_station(
         diagram=built.diagram,
         station=station,
         data=data,
+        motion=built.recorder.motion(),
         run_time=run_time,
         pan_tilt=rows.get("camera_pointer.pan_tilt"),
     )
@@ -268,8 +291,9 @@ def _simulate_into(
     sagging = None
     if scenario.actuation.show_uncompensated and scenario.actuation.compensate_deflection:
         sagging = _uncompensated(scenario, setup)
+    certified, proved, failures = _certify(folder, scenario, setup, assessment, run.motion)
     _write_series(folder, assessment)
-    _write_run_figures(folder, assessment, sagging)
+    _write_run_figures(folder, assessment, sagging, certified)
     no_pictures = write_run_pictures(folder / "figures", scenario, setup, assessment)
     film = None
     if run.pan_tilt is not None:
@@ -290,6 +314,7 @@ def _simulate_into(
     summary = (
         plan_numbers(plan)
         | assessment.summary()
+        | proved
         | {
             "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
             "simulated_s": run.run_time.simulated_s,
@@ -306,7 +331,41 @@ def _simulate_into(
         summary["renderings_missing"] = no_pictures
     if sagging is not None:
         summary["spine_error_max_uncompensated_m"] = sagging.spine_errors.max()
-    return summary, assessment.failures()
+    return summary, assessment.failures() + failures
+
+
+def _certify(
+    folder: Path,
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    assessment: Assessment,
+    motion: RecordedMotion,
+) -> tuple[CertifiedMotion | None, dict[str, Any], list[str]]:
+    """Certifies the commanded and the simulated motion and writes their proofs.
+
+    Returns:
+        what is proved of the simulated one; the summary's part; what fails the verdict.
+    """
+    if not scenario.certificate.enabled:
+        return None, {}, []
+    builder = DiagramBuilder()
+    plant, scene_graph, model = make_plant(builder, setup, scenario, visual_period=VISUAL_PERIOD)
+    diagram = builder.Build()  # owns the plant
+    placed = {"plant": plant, "scene_graph": scene_graph, "model": model}
+    # The verdict is that of the simulated motion.
+    commanded, summary, _ = certify_commanded(scenario, setup, **placed, sampled={})
+    sampled = {
+        "clearance": float(assessment.data.clearance.min()),
+        "self_clearance": float(assessment.data.self_clearance.min()),
+    }
+    simulated, more, failures = certify_simulated(
+        scenario, setup, motion, **placed, sampled=sampled
+    )
+    del diagram
+    for name, certified in (("commanded", commanded), ("simulated", simulated)):
+        if certified is not None:
+            write_proof(folder / f"proof_{name}.npz", certified)
+    return simulated, summary | more, failures
 
 
 def _uncompensated(scenario: SerpentineScenario, setup: SerpentineSetup) -> Assessment:
@@ -355,7 +414,12 @@ def _write_series(folder: Path, assessment: Assessment) -> None:
         write_csv(series, folder / f"{name}.csv")
 
 
-def _write_run_figures(folder: Path, assessment: Assessment, sagging: Assessment | None) -> None:
+def _write_run_figures(
+    folder: Path,
+    assessment: Assessment,
+    sagging: Assessment | None,
+    certified: CertifiedMotion | None,
+) -> None:
     pictures = folder / "figures"
     pictures.mkdir(exist_ok=True)
     arm, data, first = assessment.arm, assessment.data, assessment.arm.first_actuated_joint
@@ -374,6 +438,7 @@ def _write_run_figures(folder: Path, assessment: Assessment, sagging: Assessment
         threshold=assessment.checks.clearance_min_mm * 1e-3,
         max_distance=assessment.clearance_range,
         own_distance=data.self_clearance,
+        certified=certified_clearance(certified),
     )
     uncompensated = None
     if sagging is not None:

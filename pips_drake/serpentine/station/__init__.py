@@ -24,6 +24,7 @@ from pips_drake.serpentine.station.station import (
     VISUAL_PERIOD,
     MakeSerpentineStation,
     MakeSimulator,
+    make_profile,
 )
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "load_setup",
     "make_camera",
     "make_plant",
+    "make_profile",
     "mounting_pose",
     "plant_time_step",
 ]

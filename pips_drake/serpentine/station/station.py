@@ -20,6 +20,14 @@ from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 VISUAL_PERIOD = 1.0 / 32.0
 
 
+def make_profile(scenario: SerpentineScenario, setup: SerpentineSetup) -> RestToRestProfile:
+    """The tip's travel along its path, against time, as the scenario wants it."""
+    motion = scenario.motion
+    return RestToRestProfile.make(
+        travel=setup.path.travel, speed=motion.tip_speed_mm_per_s * 1e-3, ramp=motion.ramp_s
+    )
+
+
 def MakeSerpentineStation(
     scenario: SerpentineScenario, *, setup: SerpentineSetup | None = None
 ) -> Diagram:
@@ -67,9 +75,7 @@ def MakeSerpentineStation(
         "tip_path_source",
         TipPathSource(
             path,
-            RestToRestProfile.make(
-                travel=path.travel, speed=motion.tip_speed_mm_per_s * 1e-3, ramp=motion.ramp_s
-            ),
+            make_profile(scenario, setup),
             dwell=motion.dwell_s,
             retract=motion.retract,
             period=period,
