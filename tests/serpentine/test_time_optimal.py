@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import linprog
-from scipy.sparse import coo_matrix
 
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine.time_optimal import (
@@ -20,6 +18,8 @@ from pips_drake.serpentine.time_optimal import (
     fastest_squared_speed,
     travel_time,
 )
+
+from .least_duration import least_duration
 
 
 def make_limits(travel, *, speed=10.0, bands=()):
@@ -59,43 +59,6 @@ def random_limits(seed, count=150):
     bound = wave(0.3)
     travel = np.linspace(0.0, 2.0, count + 1)
     return make_limits(travel, speed=lambda s: 0.3 + np.abs(bound(s)), bands=bands)
-
-
-def least_duration(limits, x):
-    """A lower bound of the duration of every motion within limits, s, by linear programming.
-
-    The duration of a motion that is linear in x = s'^2 between points is convex in x, and limits
-    are linear in it: where the tangent plane at x is least among all motions, it is still below
-    each one's duration. HiGHS finds it.
-    """
-    s, n, bound = limits.travel, len(limits.travel), limits.speed.min(axis=1)
-    step = np.diff(s)
-    rows, columns, values, right = [], [], [], []
-    row = 0
-    for i in range(n - 1):
-        for b in range(limits.slope.shape[1]):
-            a, c, g = limits.slope[i, b], limits.curve[i, b], limits.offset[i, b]
-            for sign in (1.0, -1.0):
-                rows += [row, row]
-                columns += [i, i + 1]
-                values += [sign * (c - a / step[i]) / 2, sign * (c + a / step[i]) / 2]
-                right.append(1.0 - sign * g)
-                row += 1
-    root = np.sqrt(x)
-    share = -2.0 * step / (root[1:] + root[:-1]) ** 2
-    gradient = np.zeros(n)
-    gradient[1:-1] = (share[1:] + share[:-1]) / (2.0 * root[1:-1])
-    bounds = [(0.0, float(v**2)) for v in bound]
-    bounds[0] = bounds[-1] = (0.0, 0.0)
-    found = linprog(
-        gradient,
-        A_ub=coo_matrix((values, (rows, columns)), shape=(row, n)).tocsr(),
-        b_ub=right,
-        bounds=bounds,
-        method="highs",
-    )
-    assert found.status == 0, found.message
-    return duration(limits, x) + found.fun - gradient @ x
 
 
 GRID = np.linspace(0.0, 2.0, 201)
