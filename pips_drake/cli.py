@@ -22,6 +22,7 @@ from pips_drake.command_line import (
     check_current_directory,
     complaint_in,
     interrupt_on_signals,
+    tell_of_compiling,
 )
 from pips_drake.errors import InputError, PipsError
 
@@ -300,6 +301,8 @@ def _run(args: Sequence[str] | None) -> int:
     try:
         command = _parse(args)
         check_current_directory()
+        if isinstance(command, Follow | Check | Simulate | Verify):
+            tell_of_compiling()
         code: int = command.run()
     except InputError as error:
         return _complain(error, BAD_INPUT)

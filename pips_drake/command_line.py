@@ -32,6 +32,29 @@ def interrupt_on_signals() -> None:
     sys.unraisablehook = interrupt_again
 
 
+def tell_of_compiling() -> None:
+    """Says on a terminal when the machine's first run compiles: half a minute of silence else."""
+    if not sys.stderr.isatty():
+        return
+    # Here, because it takes half a second, and a help text needs none of it.
+    from numba.core import event
+
+    class Notice(event.Listener):
+        def __init__(self) -> None:
+            self.told = False
+
+        def on_start(self, event: Any) -> None:
+            if not self.told:
+                self.told = True
+                words = "compiling the mathematics for this machine, which is done once"
+                print(f"pips: {words}; up to a minute", file=sys.stderr, flush=True)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Notice())
+
+
 def check_current_directory() -> None:
     """Refuses to work in a directory that is gone: no relative name means anything there.
 
