@@ -47,7 +47,7 @@ def tell_of_compiling() -> None:
             if not self.told:
                 self.told = True
                 words = "compiling the mathematics for this machine, which is done once"
-                print(f"pips: {words}; up to a minute", file=sys.stderr, flush=True)
+                sys.stderr.write(f"pips: {words}; up to a minute\n")
 
         def on_end(self, event: Any) -> None:
             pass

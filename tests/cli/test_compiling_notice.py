@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from collections import defaultdict
 
 import numba
 import pytest
@@ -20,7 +21,7 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def no_listeners(monkeypatch):
     """What the function registers goes with the test."""
-    monkeypatch.setattr(event, "_registered", {**event._registered, "numba:compile": []})
+    monkeypatch.setattr(event, "_registered", defaultdict(list))
 
 
 def compile_something() -> None:
