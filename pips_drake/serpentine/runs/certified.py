@@ -15,7 +15,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.motion_extremes import MotionExtremes, motion_extremes
-from pips_drake.serpentine.motion_profile import RestToRestProfile
+from pips_drake.serpentine.motion_profile import MotionProfile
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
 from pips_drake.serpentine.station import SerpentineSetup, make_profile
 from pips_drake.twin.certificate.certify import ClearanceCertificate, certify_clearance
@@ -50,7 +50,7 @@ class CertifiedMotion:
 
 
 def commanded_motion(
-    scenario: SerpentineScenario, setup: SerpentineSetup, profile: RestToRestProfile
+    scenario: SerpentineScenario, setup: SerpentineSetup, profile: MotionProfile
 ) -> RecordedMotion:
     """The joints that follow-the-leader commands on the way out, at each update of the drives.
 

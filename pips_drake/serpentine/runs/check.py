@@ -17,6 +17,7 @@ from pips_drake.serpentine.runs.certified import (
     write_proof,
 )
 from pips_drake.serpentine.runs.follow import drive_numbers, plan_numbers, write_plan_figures
+from pips_drake.serpentine.runs.motion_report import motion_report
 from pips_drake.serpentine.runs.scene_report import report_scene, scenario_text
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
@@ -54,7 +55,8 @@ def check(
 
     Postures are a quarter inch of tip travel apart. Clearance is sampled at them, and certified for
     the whole commanded motion (`certified`); forces are those of statics in the scenario's
-    mounting; speeds are those at its tip speed.
+    mounting; speeds are those at its tip speed. If the fastest motion is wanted, forces and
+    speeds are those of that motion.
 
     Args:
         name: for the summary.
@@ -127,8 +129,14 @@ def _check(
         efforts = holding_efforts(setup.arm, plan.joints[plan.solution.solved], gravity)
         speed = scenario.motion.tip_speed_mm_per_s * 1e-3
         summary |= drive_numbers(plan, efforts, speed) | _clearance_numbers(plan, clearance)
+        if plan.followable:
+            motion, more = motion_report(
+                scenario, setup, figure=figures and figures / "fastest_motion.png"
+            )
+            summary |= motion
+            failures += more
         failures += _failures(scenario, plan, clearance, summary)
-        if scenario.certificate.enabled and plan.followable:
+        if scenario.certificate.enabled and plan.followable and "motion_duration_s" in summary:
             certified, numbers, more = certify_commanded(
                 scenario,
                 setup,

@@ -36,6 +36,7 @@ from pips_drake.serpentine.runs.certified import (
 )
 from pips_drake.serpentine.runs.film import film_run
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
+from pips_drake.serpentine.runs.motion_report import motion_report
 from pips_drake.serpentine.runs.pictures import (
     run_bookmarks,
     run_phases,
@@ -280,6 +281,9 @@ def _simulate_into(
 ) -> tuple[dict[str, Any], list[str]]:
     """Runs a followable scenario and writes everything but the summary."""
     run = run_station(scenario, setup, meshcat=meshcat)
+    is_fastest = scenario.motion.profile == "fastest"
+    picture = folder / "figures" / "fastest_motion.png" if is_fastest else None
+    motion, _ = motion_report(scenario, setup, figure=picture)
     assessment = Assessment(
         arm=setup.arm,
         path=setup.path,
@@ -313,6 +317,7 @@ def _simulate_into(
     _write_diagram(folder, run.diagram)
     summary = (
         plan_numbers(plan)
+        | motion
         | assessment.summary()
         | proved
         | {

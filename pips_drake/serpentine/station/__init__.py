@@ -7,6 +7,11 @@ from pips_drake.serpentine.station.camera import (
     camera_target,
     make_camera,
 )
+from pips_drake.serpentine.station.motion import (
+    make_constant_profile,
+    make_fastest_motion,
+    make_profile,
+)
 from pips_drake.serpentine.station.plant import (
     BASE_FRAME,
     AddSerpentineArm,
@@ -24,7 +29,6 @@ from pips_drake.serpentine.station.station import (
     VISUAL_PERIOD,
     MakeSerpentineStation,
     MakeSimulator,
-    make_profile,
 )
 
 __all__ = [
@@ -43,6 +47,8 @@ __all__ = [
     "gravity_in_frame_0",
     "load_setup",
     "make_camera",
+    "make_constant_profile",
+    "make_fastest_motion",
     "make_plant",
     "make_profile",
     "mounting_pose",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from pips_drake.serpentine.motion_profile import RestToRestProfile
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station.actuation import AddActuation
 from pips_drake.serpentine.station.camera import CAMERA_PORTS, AddCameraPointer, AddCameraStation
+from pips_drake.serpentine.station.motion import make_profile
 from pips_drake.serpentine.station.plant import make_plant
 from pips_drake.serpentine.station.setup import SerpentineSetup, load_setup
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
@@ -18,14 +18,6 @@ from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 
 #: How often a run's drawn actuators move, s.
 VISUAL_PERIOD = 1.0 / 32.0
-
-
-def make_profile(scenario: SerpentineScenario, setup: SerpentineSetup) -> RestToRestProfile:
-    """The tip's travel along its path, against time, as the scenario wants it."""
-    motion = scenario.motion
-    return RestToRestProfile.make(
-        travel=setup.path.travel, speed=motion.tip_speed_mm_per_s * 1e-3, ramp=motion.ramp_s
-    )
 
 
 def MakeSerpentineStation(
@@ -64,6 +56,7 @@ def MakeSerpentineStation(
 
     Raises:
         InputError: something the scenario names cannot be used.
+        NotFollowableError: there is no fastest motion, if that is wanted (`make_profile`).
     """
     setup = setup or load_setup(scenario)
     arm, path = setup.arm, setup.path
