@@ -38,8 +38,9 @@ class Closest:
         vertices: rows of `Shapes.vertices`, on a and b, (4, 2).
         balls: points of the unit ball, to be multiplied by E, on a and b, (4, 2, 3).
         points: the nearest points on the surfaces of a and b, in b's body, (2, 3) m.
-        hull: in deep penetration, directions (H, 3) in b's body whose support points' hull holds a
-            ball of radius -`upper`; else empty, (0, 3).
+        hull_vertices, hull_balls: in deep penetration, as above for H pairs of points, (H, 2) and
+            (H, 2, 3): the hull of their differences holds a ball about 0 of radius -`upper` (less
+            the radii). Else H = 0.
     """
 
     lower: float
@@ -49,7 +50,8 @@ class Closest:
     vertices: Indices
     balls: Array
     points: Array
-    hull: Array
+    hull_vertices: Indices
+    hull_balls: Array
 
 
 def closest(shapes: Shapes, a: int, b: int, R: Array, t: Array) -> Closest:
@@ -58,13 +60,13 @@ def closest(shapes: Shapes, a: int, b: int, R: Array, t: Array) -> Closest:
         return _above_half_space(shapes, a, b, R, t)
     normal, weights, vertices, balls, core = _closest_cores(shapes, a, b, R, t)
     both = float(shapes.radius[a] + shapes.radius[b])
-    hull = np.empty((0, 3))
+    hull = _Hull(shapes, a, b, R, t)
     on_a = weights @ (shapes.vertices[vertices[:, 0]] + balls[:, 0] @ shapes.bulge[a].T)
     on_b = weights @ (shapes.vertices[vertices[:, 1]] + balls[:, 1] @ shapes.bulge[b].T)
     on_a = R @ on_a + t
     upper = float(np.linalg.norm(on_a - on_b)) - both
     if core <= TOUCHING:
-        normal, hull, depth = _penetration(shapes, a, b, R, t)
+        normal, depth = _penetration(hull)
         upper = min(upper, -depth - both)
         on_a = on_b = 0.5 * (on_a + on_b)
         on_a, on_b = on_a - depth * normal, on_b
@@ -76,7 +78,8 @@ def closest(shapes: Shapes, a: int, b: int, R: Array, t: Array) -> Closest:
         vertices=vertices,
         balls=balls,
         points=np.stack([on_a - shapes.radius[a] * normal, on_b + shapes.radius[b] * normal]),
-        hull=hull,
+        hull_vertices=np.array(hull.vertices, dtype=np.int64).reshape(-1, 2),
+        hull_balls=np.array(hull.balls).reshape(-1, 2, 3),
     )
 
 
@@ -100,60 +103,77 @@ def _above_half_space(shapes: Shapes, a: int, b: int, R: Array, t: Array) -> Clo
         vertices=np.array([[row, shapes.starts[b]]] * 4),
         balls=balls,
         points=np.stack([low, low - distance * normal]),
-        hull=np.empty((0, 3)),
+        hull_vertices=np.empty((0, 2), dtype=np.int64),
+        hull_balls=np.empty((0, 2, 3)),
     )
 
 
-def _penetration(shapes: Shapes, a: int, b: int, R: Array, t: Array) -> tuple[Array, Array, float]:
-    """Normal along which cores that overlap are parted soonest, hull directions, and the depth.
+class _Hull:
+    """Points of the cores' difference, and what they are differences of."""
 
-    The hull of support points of the cores' difference holds a ball about 0, whose radius is at
-    most the depth; each face's support is at least it. Faces are pushed out until both meet.
+    def __init__(self, shapes: Shapes, a: int, b: int, R: Array, t: Array) -> None:
+        self._shapes, self._pair, self._R, self._t = shapes, (a, b), R, t
+        self.points: list[Array] = []
+        self.vertices: list[tuple[int, int]] = []
+        self.balls: list[tuple[Array, Array]] = []
+        self.axes = np.vstack([np.eye(3), shapes.axes[b].T, (R @ shapes.axes[a]).T])
+
+    def add(self, direction: Array) -> float:
+        """Adds the point that is farthest along a direction in b's body; how far that is, m."""
+        shapes, far, rows, balls = self._shapes, [], [], []
+        for shape, along in zip(self._pair, (self._R.T @ direction, -direction), strict=True):
+            first, last = int(shapes.starts[shape]), int(shapes.starts[shape + 1])
+            row = first + int(np.argmax(shapes.vertices[first:last] @ along))
+            ball = shapes.bulge[shape].T @ along
+            # A hair inside the ball, so that rounding does not take it out.
+            ball = ball * ((1.0 - 1e-15) / max(float(np.linalg.norm(ball)), 1e-300))
+            far.append(shapes.vertices[row] + shapes.bulge[shape] @ ball)
+            rows.append(row)
+            balls.append(ball)
+        point = self._R @ far[0] + self._t - far[1]
+        self.points.append(point)
+        self.vertices.append((rows[0], rows[1]))
+        self.balls.append((balls[0], balls[1]))
+        return float(direction @ point)
+
+
+def _penetration(hull: _Hull) -> tuple[Array, float]:
+    """Normal along which cores that overlap are parted soonest, and how deep they are, m.
+
+    The hull of points of the cores' difference holds a ball about 0, whose radius is at most the
+    depth; the difference's reach along each face's normal is at least it. Faces are pushed out
+    until both meet.
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    directions = [sign * axis for axis in np.eye(3) for sign in (-1.0, 1.0)]
-    directions += [sign * axis for axis in shapes.axes[b].T for sign in (-1.0, 1.0)]
-    directions += [sign * axis for axis in (R @ shapes.axes[a]).T for sign in (-1.0, 1.0)]
-    points = [difference_support(shapes, a, b, R, t, d) for d in directions]
-    best, normal = np.inf, np.array([0.0, 0.0, 1.0])
-    for direction, point in zip(directions, points, strict=True):
-        if direction @ point < best:
-            best, normal = float(direction @ point), -direction
-    depth = 0.0
-    for _ in range(200):
-        try:
-            hull = ConvexHull(np.array(points))
-        except QhullError:
-            # A flat difference (of two segments, say) has no depth, along its own normal.
-            _, _, across = np.linalg.svd(np.array(points) - np.mean(points, axis=0))
-            return across[-1], np.empty((0, 3)), 0.0
-        # Outward normals of the faces, and their distances from 0.
-        face = int(np.argmax(hull.equations[:, 3]))
-        depth = max(0.0, -float(hull.equations[face, 3]))
-        outward = hull.equations[face, :3]
-        point = difference_support(shapes, a, b, R, t, outward)
-        reach = float(outward @ point)
+    best, normal, depth = np.inf, np.array([0.0, 0.0, 1.0]), 0.0
+
+    def look(outward: Array) -> None:
+        nonlocal best, normal
+        reach = hull.add(outward)
         if reach < best:
             best, normal = reach, -outward
+
+    for axis in hull.axes:
+        look(axis)
+        look(-axis)
+    for _ in range(200):
+        try:
+            faces = ConvexHull(np.array(hull.points)).equations
+        except QhullError:
+            # All in a plane so far. Either there is more beside it, or the cores' difference is
+            # flat (of two segments, say) and has no depth along its own normal.
+            _, _, across = np.linalg.svd(np.array(hull.points) - np.mean(hull.points, axis=0))
+            if hull.add(across[-1]) + hull.add(-across[-1]) > TOUCHING:
+                continue
+            return across[-1], 0.0
+        # Outward normals of the faces, and their distances from 0.
+        face = int(np.argmax(faces[:, 3]))
+        depth = max(0.0, -float(faces[face, 3]))
         if best - depth <= DEPTH_TOLERANCE:
             break
-        directions.append(outward)
-        points.append(point)
-    return normal, np.array(directions), depth
-
-
-def difference_support(shapes: Shapes, a: int, b: int, R: Array, t: Array, d: Array) -> Array:
-    """The point of core a - core b that is farthest along d, in b's body, (3,) m."""
-    far = []
-    for shape, direction in ((a, R.T @ d), (b, -d)):
-        rows = slice(int(shapes.starts[shape]), int(shapes.starts[shape + 1]))
-        vertices = shapes.vertices[rows]
-        ball = shapes.bulge[shape].T @ direction
-        ball = ball / max(float(np.linalg.norm(ball)), 1e-300)
-        far.append(vertices[np.argmax(vertices @ direction)] + shapes.bulge[shape] @ ball)
-    difference: Array = R @ far[0] + t - far[1]
-    return difference
+        look(faces[face, :3])
+    return normal, depth
 
 
 @inner

@@ -44,7 +44,7 @@ class Proof:
         pair, first, last, start, end, normals: the planes; see `search.Planes`.
         witness: the pair, segment and fraction where the distance is at most `upper`.
         weights, vertices, balls: of points on its cores; see `distance.Closest`.
-        hull: directions in deep penetration, (H, 3).
+        hull_vertices, hull_balls: of points in deep penetration, (H, 2) and (H, 2, 3).
         off: how far the witness's positions are off, (nq,).
     """
 
@@ -61,7 +61,8 @@ class Proof:
     weights: Array
     vertices: Indices
     balls: Array
-    hull: Array
+    hull_vertices: Indices
+    hull_balls: Array
     off: Array
 
 
@@ -82,7 +83,8 @@ def make_proof(certificate: Certificate) -> Proof:
         weights=witness.closest.weights,
         vertices=witness.closest.vertices,
         balls=witness.closest.balls,
-        hull=witness.closest.hull,
+        hull_vertices=witness.closest.hull_vertices,
+        hull_balls=witness.closest.hull_balls,
         off=witness.deviation,
     )
 
@@ -160,7 +162,8 @@ def _as_arrays(proof: Proof) -> dict[str, NDArray]:
         "witness_weights": proof.weights,
         "witness_vertices": proof.vertices,
         "witness_balls": proof.balls,
-        "witness_hull": proof.hull,
+        "witness_hull_vertices": proof.hull_vertices,
+        "witness_hull_balls": proof.hull_balls,
         "witness_off": proof.off,
     }
     arrays |= {f"tree_{name}": value for name, value in problem.tree._asdict().items()}
@@ -183,7 +186,7 @@ def _from_arrays(arrays: dict[str, NDArray]) -> Proof:
     count, shapes = len(real("times", -1)), len(whole("shape_body", -1))
     bodies, pairs = len(whole("tree_parent", -1)), len(whole("a", -1))
     knots, planes = real("knots", count, -1), len(whole("plane_pair", -1))
-    nq = knots.shape[1]
+    nq, hull = knots.shape[1], len(whole("witness_hull_vertices", -1, 2))
     vertices, starts = real("shape_vertices", -1, 3), whole("shape_starts", shapes + 1)
     tree = Tree(
         parent=whole("tree_parent", bodies),
@@ -234,7 +237,8 @@ def _from_arrays(arrays: dict[str, NDArray]) -> Proof:
         weights=real("witness_weights", 4),
         vertices=whole("witness_vertices", 4, 2),
         balls=real("witness_balls", 4, 2, 3),
-        hull=real("witness_hull", -1, 3),
+        hull_vertices=whole("witness_hull_vertices", hull, 2),
+        hull_balls=real("witness_hull_balls", hull, 2, 3),
         off=real("witness_off", nq),
     )
 

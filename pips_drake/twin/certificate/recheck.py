@@ -202,6 +202,8 @@ def proved_lower(proof: Proof) -> float:
     lowest = np.inf
     for p in range(len(problem.a)):
         rows = order[splits[p] : splits[p + 1]]
+        if not len(rows):
+            return -np.inf
         body_a = int(problem.shapes.body[problem.a[p]])
         body_b = int(problem.shapes.body[problem.b[p]])
         steps = _chain(problem.tree, body_b, body_a)
@@ -365,37 +367,40 @@ def proved_upper(proof: Proof) -> float:
     R = at.R[j][0].T @ at.R[i][0]
     t = at.R[j][0].T @ (at.p[i][0] - at.p[j][0])
     radii = float(shapes.radius[a] + shapes.radius[b])
-    points = []
-    for side, s in enumerate((a, b)):
-        rows = proof.vertices[:, side]
-        used = proof.weights > 0.0
-        if ((rows < shapes.starts[s]) | (rows >= shapes.starts[s + 1]))[used].any():
-            return np.inf
-        rows = np.where(used, rows, shapes.starts[s])
-        points.append(
-            proof.weights @ (shapes.vertices[rows] + proof.balls[:, side] @ shapes.bulge[s].T)
-        )
+    on = [
+        _points_of(problem, shape, proof.vertices[:, side], proof.balls[:, side])
+        for side, shape in enumerate((a, b))
+    ]
+    used = proof.weights > 0.0
+    points = [proof.weights[used] @ mine[used] for mine in on]
+    if not np.isfinite(points).all():
+        return np.inf
     if shapes.half_space[b].any():
         normal = shapes.half_space[b]
         return float(normal @ (R @ points[0] + t - shapes.vertices[shapes.starts[b]])) - radii
     upper = float(np.linalg.norm(R @ points[0] + t - points[1]) - radii)
-    if len(proof.hull):
-        upper = min(upper, -_ball_in_hull(problem, a, b, R, t, proof.hull) - radii)
+    if len(proof.hull_vertices):
+        corners = [
+            _points_of(problem, shape, proof.hull_vertices[:, side], proof.hull_balls[:, side])
+            for side, shape in enumerate((a, b))
+        ]
+        upper = min(upper, -_ball_in_hull(corners[0] @ R.T + t - corners[1]) - radii)
     return upper
 
 
-def _ball_in_hull(problem: Problem, a: int, b: int, R: Array, t: Array, directions: Array) -> float:
-    """Radius of the ball about 0 in the hull of points of the cores' difference; 0 if outside."""
-    shapes, points = problem.shapes, []
-    for direction in directions:
-        far = []
-        for s, along in ((a, R.T @ direction), (b, -direction)):
-            vertices = shapes.vertices[shapes.starts[s] : shapes.starts[s + 1]]
-            ball = along @ shapes.bulge[s]
-            ball = ball / max(float(np.linalg.norm(ball)), 1e-300)
-            far.append(vertices[np.argmax(vertices @ along)] + shapes.bulge[s] @ ball)
-        points.append(R @ far[0] + t - far[1])
+def _points_of(problem: Problem, s: int, rows: Indices, balls: Array) -> Array:
+    """Points of a shape's core in its body's frame; NaN for a vertex that is not its own."""
+    shapes = problem.shapes
+    own = (rows >= shapes.starts[s]) & (rows < shapes.starts[s + 1])
+    points = shapes.vertices[np.where(own, rows, shapes.starts[s])] + balls @ shapes.bulge[s].T
+    return np.where(own[:, None], points, np.nan)
+
+
+def _ball_in_hull(points: Array) -> float:
+    """Radius of the ball about 0 in the hull of points (H, 3) m; 0 if 0 is not inside."""
+    if not np.isfinite(points).all():
+        return 0.0
     try:
-        return max(0.0, -float(ConvexHull(np.array(points)).equations[:, 3].max()))
+        return max(0.0, -float(ConvexHull(points).equations[:, 3].max()))
     except QhullError:
         return 0.0

@@ -19,6 +19,7 @@ Indices = NDArray[np.int64]
 #: A bound may be this much above what is found here, m: rounding differs from code to code. Half of
 #: what was taken off every bound for rounding.
 ROUNDING = 0.5e-9
+MOVING = (REVOLUTE, PRISMATIC, FREE)
 #: Unit vectors and rotations may be off by this.
 UNIT = 1e-9
 
@@ -141,61 +142,78 @@ def _layout_failures(proof: Proof) -> list[str]:
     problem = proof.problem
     tree, shapes = problem.tree, problem.shapes
     bodies, count, nq = len(tree.parent), len(shapes.body), problem.knots.shape[1]
-    segments = len(problem.times) - 1
-    width = np.where(tree.kind == FREE, 7, 1)
-    moving = np.arange(bodies) > 0
-    turns = np.concatenate([tree.R_PF, tree.R_MB])
-    sliding_or_turning = np.isin(tree.kind, (REVOLUTE, PRISMATIC))
+    segments, order = len(problem.times) - 1, np.arange(len(tree.parent))
     p, segment, fraction = proof.witness
-    free = np.isin(np.arange(nq), _free_positions(tree))
-    checks = {
+    pairs = np.concatenate([problem.a, problem.b])
+    width = np.where(tree.kind == FREE, 7, 1)
+    starts = (tree.start >= 0) & (tree.start + width <= nq)
+    indices = {
         "a motion has two knots or more": segments >= 1,
-        "times go forward": bool((np.diff(problem.times) >= 0.0).all()),
-        "bodies come after their parents": bool(
-            bodies > 0
-            and ((tree.parent >= 0) & (tree.parent < np.maximum(np.arange(bodies), 1))).all()
-        ),
-        "joints are of known kinds": bool(
-            tree.kind[0] == FIXED and np.isin(tree.kind[1:], (REVOLUTE, PRISMATIC, FREE)).all()
-        ),
-        "positions exist": bool(((tree.start >= 0) & (tree.start + width <= nq))[moving].all()),
-        "each position moves one joint": _positions_once(tree, nq),
-        "axes are unit vectors": bool(
-            np.all(np.abs(np.linalg.norm(tree.axis[sliding_or_turning], axis=1) - 1.0) < UNIT)
-        ),
-        "frames are rotations": bool(
-            np.abs(turns @ turns.swapaxes(1, 2) - np.eye(3)).max() < UNIT
-            and (np.linalg.det(turns) > 0.0).all()
-        ),
+        "there are pairs": len(problem.a) > 0,
+        "bodies come after their parents": bodies > 0
+        and bool(((tree.parent >= 0) & (tree.parent < np.maximum(order, 1))).all()),
+        "joints are of known kinds": bodies > 0
+        and bool(tree.kind[0] == FIXED and np.isin(tree.kind[1:], MOVING).all()),
+        "positions exist": bool(starts.all()),
         "shapes are on bodies": bool(((shapes.body >= 0) & (shapes.body < bodies)).all()),
         "shapes have vertices": bool(
             shapes.starts[0] == 0
             and shapes.starts[-1] == len(shapes.vertices)
             and (np.diff(shapes.starts) > 0).all()
         ),
-        "radii are not negative": bool((shapes.radius >= 0.0).all()),
-        "pairs are of shapes": bool(
-            np.isin(problem.a, np.arange(count)).all()
-            and np.isin(problem.b, np.arange(count)).all()
+        "pairs are of shapes": bool(((pairs >= 0) & (pairs < count)).all()),
+        "planes are for parts of the motion": _parts_exist(proof),
+        "the witness is on the path": 0 <= p < len(problem.a)
+        and 0.0 <= fraction < 1.0
+        and (0 <= segment < segments or (segment == segments and fraction == 0.0)),
+    }
+    failures = [f"not so: {text}" for text, good in indices.items() if not good]
+    if failures:
+        return failures
+    turns = np.concatenate([tree.R_PF, tree.R_MB])
+    axes = tree.axis[np.isin(tree.kind, (REVOLUTE, PRISMATIC))]
+    free = np.isin(np.arange(nq), _free_positions(tree))
+    values = {
+        "times go forward": bool((np.diff(problem.times) >= 0.0).all()),
+        "each position moves one joint": _positions_once(tree, nq),
+        "axes are unit vectors": _are_unit(axes),
+        "frames are rotations": bool(
+            np.abs(turns @ turns.swapaxes(1, 2) - np.eye(3)).max() < UNIT
+            and (np.linalg.det(turns) > 0.0).all()
         ),
+        "free bodies have an orientation": all(
+            np.linalg.norm(problem.knots[:, i : i + 4], axis=1).min() > 0.5
+            for i in tree.start[tree.kind == FREE].tolist()
+        ),
+        "radii are not negative": bool((shapes.radius >= 0.0).all()),
         "only the second of a pair is a half space": not shapes.half_space[problem.a].any(),
         "deviations are not negative": bool(
             (problem.deviation >= 0.0).all() and not problem.deviation[free].any()
         ),
-        "normals are unit vectors": bool(
-            np.all(np.abs(np.linalg.norm(proof.normals, axis=-1) - 1.0) < UNIT)
-        ),
-        "the witness is on the path": 0 <= p < len(problem.a)
-        and 0.0 <= fraction < 1.0
-        and (0 <= segment < segments or (segment == segments and fraction == 0.0)),
+        "normals are unit vectors": _are_unit(proof.normals),
         "the witness is on its bodies": bool(
             (proof.weights >= 0.0).all()
             and abs(proof.weights.sum() - 1.0) < 1e-12
             and (np.linalg.norm(proof.balls, axis=-1) <= 1.0).all()
+            and (np.linalg.norm(proof.hull_balls, axis=-1) <= 1.0).all()
         ),
         "the witness is within the deviation": bool((np.abs(proof.off) <= problem.deviation).all()),
     }
-    return [f"not so: {text}" for text, good in checks.items() if not good]
+    return [f"not so: {text}" for text, good in values.items() if not good]
+
+
+def _parts_exist(proof: Proof) -> bool:
+    single = proof.last - proof.first == 1
+    whole = (proof.start == 0.0) & (proof.end == 1.0)
+    inside = (proof.first >= 0) & (proof.last > proof.first)
+    inside &= proof.last <= len(proof.problem.times) - 1
+    known = (proof.pair >= 0) & (proof.pair < len(proof.problem.a))
+    within = (proof.start >= 0.0) & (proof.start < proof.end) & (proof.end <= 1.0)
+    return bool((inside & known & within & (whole | single)).all())
+
+
+def _are_unit(vectors: Array) -> bool:
+    return bool((np.abs(np.linalg.norm(vectors, axis=-1) - 1.0) < UNIT).all())
 
 
 def _free_positions(tree: Tree) -> list[int]:
@@ -215,12 +233,6 @@ def _positions_once(tree: Tree, nq: int) -> bool:
 def _cover_failures(proof: Proof) -> list[str]:
     """Pairs and instants without a plane."""
     segments, failures = len(proof.problem.times) - 1, []
-    single = proof.last - proof.first == 1
-    whole = (proof.start == 0.0) & (proof.end == 1.0)
-    inside = (proof.first >= 0) & (proof.last > proof.first) & (proof.last <= segments)
-    known = (proof.pair >= 0) & (proof.pair < len(proof.problem.a))
-    if not (inside & known & (whole | single) & (proof.start < proof.end)).all():
-        return ["a plane is for no part of the motion"]
     begin, end = proof.first + proof.start, proof.last - 1 + proof.end
     order = np.lexsort((begin, proof.pair))
     pair, begin, end = proof.pair[order], begin[order], end[order]
