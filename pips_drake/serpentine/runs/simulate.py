@@ -208,11 +208,11 @@ def make_run_diagram(
     query = station.GetOutputPort("scene_graph.query")
     # Meldis listens on LCM: it shows whatever runs.
     DrakeVisualizer.AddToBuilder(
-        builder, query, lcm=lcm, params=DrakeVisualizerParams(publish_period=1.0 / 32.0)
+        builder, query, lcm=lcm, params=DrakeVisualizerParams(publish_period=VISUAL_PERIOD)
     )
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(
-            builder, query, meshcat, MeshcatVisualizerParams(publish_period=1.0 / 32.0)
+            builder, query, meshcat, MeshcatVisualizerParams(publish_period=VISUAL_PERIOD)
         )
     diagram = builder.Build()
     diagram.set_name("serpentine_run")

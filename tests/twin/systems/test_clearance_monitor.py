@@ -205,6 +205,20 @@ def test_it_looks_as_far_as_it_is_told(world, gap, seen):
     assert clearance[0] == pytest.approx(min(gap, RANGE), abs=1e-14)
 
 
+@pytest.mark.parametrize("own", [0.05, 0.3, 0.45])
+@pytest.mark.parametrize("gap", [0.05, 0.3, 0.45])
+def test_the_nearest_are_found_however_far_apart_the_two_distances_are(world, gap, own):
+    """Each of them within, or beyond, the shorter range that is looked at first."""
+    # Along the wall's face, so that the elbow is as far from the wall as the hand.
+    x, y = 0.5 * BOX[0] + gap + RADIUS, own + 2.0 * RADIUS
+    clearance, witness = world.measure(
+        hand=at([x, 0.0, 0.0]), elbow=at([x + 1e-3, y, 0.0]), wall=STILL
+    )
+    assert clearance[0] == pytest.approx(gap, abs=1e-14)
+    assert clearance[2] == pytest.approx(np.hypot(y, 1e-3) - 2.0 * RADIUS, abs=1e-14)
+    assert world.monitor.pair_name(witness[0]) == ("robot::hand", "scene::wall")
+
+
 def test_it_samples_every_period_and_holds_between(world):
     simulator = Simulator(world.diagram)
     # From 0.5 m off the face towards it at 0.4 m/s; no gravity, so the motion is straight.
