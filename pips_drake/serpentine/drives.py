@@ -82,6 +82,11 @@ def joint_stiffness(arm: SerpentineArm) -> Array:
     return np.concatenate([arm.base_stiffness, hinges])
 
 
+def drive_stiffness(arm: SerpentineArm) -> Array:
+    """Stiffness of the drives along their own coordinates, (joints,) N/m and Nm/rad."""
+    return np.concatenate([arm.base_stiffness, arm.linkage.stiffness])
+
+
 def joint_effort_limit(arm: SerpentineArm) -> Array:
     """Effort limits of the joints where the hinges are straight, (joints,) N and Nm."""
     hinges = arm.linkage.force_limit * arm.linkage.lever(np.zeros(len(arm.actuator_names)))

@@ -11,6 +11,8 @@ SLOWEST, DAY = 0.1, 86400.0
 
 #: What `motion.profile` may say.
 MOTION_PROFILES = ("constant", "fastest")
+#: What `actuation.fidelity` may say.
+FIDELITIES = ("joint", "leg")
 #: What `integration.scheme` may say.
 INTEGRATION_SCHEMES = ("discrete", "radau3")
 #: Beyond the finest, roundings of the integrator's differences are larger than the error asked for;
@@ -99,7 +101,10 @@ def check_solver(tolerance_in: float, max_iterations: int, *, prefix: str = "") 
 class ActuationConfig:
     """How the drives are modelled."""
 
-    # joint: each drive is the equivalent stiffness at its joint.
+    # joint: each actuator is its equivalent stiffness at its hinge, k (dL/dtheta)^2, taken where
+    # the hinge is straight and constant from there. leg: a spring of stiffness k between the pins,
+    # whose free length is commanded; the hinge's stiffness follows the posture.
+    # models/sdf/prototype/README.md says when to use which.
     fidelity: str = "joint"
     # Send the drives farther by gravity's static deflection, so that the arm stands where wanted.
     compensate_deflection: bool = True
@@ -107,7 +112,8 @@ class ActuationConfig:
     show_uncompensated: bool = False
 
     def validate(self) -> None:
-        require(self.fidelity == "joint", "actuation.fidelity", self.fidelity, "joint")
+        known = " or ".join(FIDELITIES)
+        require(self.fidelity in FIDELITIES, "actuation.fidelity", self.fidelity, known)
 
 
 @dataclass
@@ -353,6 +359,10 @@ class SerpentineScenario:
         )
         good = 0.0 <= self.duration_s <= DAY
         require(good, "duration_s", self.duration_s, f">= 0 and <= {DAY:g}")
+        scheme, fidelity = self.integration.scheme, self.actuation.fidelity
+        # Drake's continuous plants know no distance or ball constraints.
+        good = fidelity == "joint" or scheme == "discrete"
+        require(good, "actuation.fidelity", fidelity, f"joint with integration.scheme {scheme}")
         # What acted is known from the first recorded step on.
         good = self.duration_s == 0.0 or self.duration_s * self.clocks.record_hz >= 1.0
         require(good, "duration_s", self.duration_s, "0, or at least 1 / clocks.record_hz")

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.dh_chain import gravity_efforts
-from pips_drake.serpentine.drives import drive_from_joint, joint_stiffness
+from pips_drake.serpentine.drives import drive_from_joint, drive_stiffness, joint_stiffness
+from pips_drake.serpentine.linkage import actuator_lever
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,11 @@ def deflection_terms(arm: SerpentineArm, gravity: ArrayLike) -> tuple[Array, ...
     return (*weighed_chain(arm, gravity), joint_stiffness(arm), arm.linkage.triangles)
 
 
+def leg_deflection_terms(arm: SerpentineArm, gravity: ArrayLike) -> tuple[Array, ...]:
+    """Everything that `write_leg_deflection_offset` wants to know beside the posture."""
+    return (*weighed_chain(arm, gravity), drive_stiffness(arm), arm.linkage.triangles)
+
+
 @numba.njit(cache=True, error_model="numpy")
 def write_deflection_offset(
     dh, masses, centres, gravity, stiffness, triangles, joint_state, offset
@@ -77,3 +83,28 @@ def write_deflection_offset(
         offset[j] = drive_from_joint(triangles, first, j, aim) - drive_from_joint(
             triangles, first, j, q
         )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def write_leg_deflection_offset(
+    dh, masses, centres, gravity, stiffness, triangles, joint_state, offset
+):
+    """What drives give way, along their own coordinates, that hold one posture against gravity.
+
+    As `write_deflection_offset`, where the actuators themselves are the springs: what gives way is
+    a length, force over stiffness, so the joints' stiffness follows the posture.
+
+    Args:
+        dh, masses, centres, gravity, stiffness, triangles: `leg_deflection_terms`.
+        joint_state: joint values first, (at least J,) m and rad.
+        offset: out, (J,) m and rad.
+    """
+    joints = dh.shape[0]
+    first = joints - triangles.shape[0]
+    posture = joint_state[:joints].copy().reshape(1, joints)
+    efforts = gravity_efforts(dh, posture, masses, centres, gravity)
+    for j in range(joints):
+        offset[j] = -efforts[0, j] / stiffness[j]
+        if j >= first:
+            a, b, phi0 = triangles[j - first]
+            offset[j] /= actuator_lever(a, b, phi0 + posture[0, j])

@@ -56,7 +56,7 @@ SCENARIOS: dict[str, tuple[dict[str, Any], str]] = {
     "slow clock": (dict(clocks=dict(plant_hz=16)), "clocks.control_hz = 64; must be <= plant_hz"),
     "wild clock": (dict(clocks=dict(plant_hz=2**20)), "must be <= 65536"),
     "too short to record": (dict(duration_s=0.01), "duration_s = 0.01; must be 0, or at least"),
-    "fidelity": (dict(actuation=dict(fidelity="truss")), "actuation.fidelity = truss; must be"),
+    "fidelity": (dict(actuation=dict(fidelity="wire")), "actuation.fidelity = wire; must be"),
     "far away": (dict(mounting_position_m=[0, 0, 1e9]), "must be 3 numbers within +-1000"),
     "flat": (dict(mounting_position_m=[0, 0]), "mounting_position_m = [0.0, 0.0]; must be 3"),
     "blind": (dict(checks=dict(clearance_min_mm=501)), "must be > the clearances that checks"),

@@ -178,7 +178,10 @@ BAD = {
     MINIMAL + "motion: {dwel_s: 1}": "unknown key 'dwel_s' (did you mean 'dwell_s'?)",
     MINIMAL + "solver: {tolerance_in: 0}": "solver.tolerance_in = 0.0; must be > 0",
     MINIMAL + "solver: {max_iterations: 0}": "solver.max_iterations = 0; must be >= 1",
-    MINIMAL + "actuation: {fidelity: truss}": "actuation.fidelity = truss; must be joint",
+    MINIMAL + "actuation: {fidelity: wire}": "actuation.fidelity = wire; must be joint or",
+    MINIMAL + "actuation: {fidelity: leg}\nintegration: {scheme: radau3}": (
+        "actuation.fidelity = leg; must be joint with integration.scheme radau3"
+    ),
     MINIMAL + "clocks: {control_hz: 50}": "clocks.control_hz = 50; must be a power of two, 1 or",
     MINIMAL + "clocks: {control_hz: 1024}": "clocks.control_hz = 1024; must be <= plant_hz",
     MINIMAL + "clocks: {plant_hz: 0}": "clocks.plant_hz = 0; must be a power of two, 1 or more",

@@ -7,6 +7,7 @@ from pips_drake.serpentine.station.camera import (
     camera_target,
     make_camera,
 )
+from pips_drake.serpentine.station.legs import AddLegSprings, LegServer
 from pips_drake.serpentine.station.motion import (
     make_constant_profile,
     make_fastest_motion,
@@ -38,7 +39,9 @@ __all__ = [
     "AddActuation",
     "AddCameraPointer",
     "AddCameraStation",
+    "AddLegSprings",
     "AddSerpentineArm",
+    "LegServer",
     "MakeSerpentineStation",
     "MakeSimulator",
     "SerpentineSetup",

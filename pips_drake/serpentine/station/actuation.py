@@ -9,10 +9,16 @@ from numpy.typing import NDArray
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import AffineSystem, ZeroOrderHold
+from pydrake.systems.primitives import AffineSystem, MatrixGain, ZeroOrderHold
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import joint_stiffness
+from pips_drake.serpentine.drives import (
+    drive_efforts,
+    drive_stiffness,
+    drives_from_joints,
+    joint_stiffness,
+    joints_from_drives,
+)
 from pips_drake.serpentine.scenario import ActuationConfig
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station.plant import gravity_in_frame_0
@@ -21,16 +27,27 @@ from pips_drake.serpentine.systems.actuator_angle_map import ActuatorAngleMap
 from pips_drake.serpentine.systems.actuator_force_map import ActuatorForceMap
 from pips_drake.serpentine.systems.actuator_servo import ActuatorServo
 from pips_drake.serpentine.systems.deflection_compensator import DeflectionCompensator
+from pips_drake.serpentine.systems.leg_effort_map import LegEffortMap
+from pips_drake.serpentine.systems.leg_springs import LegSprings
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActuationPorts:
-    """Ports of an arm's drives: what goes in, and what comes back."""
+    """Ports of an arm's drives: what goes in, and what comes back.
+
+    Attributes:
+        setpoint: of the servos, drive coordinates and rates, (2 J,).
+        joint_effort: what acts at the joints, (J,) N and Nm.
+        drive_effort: what the drives make it with, (J,) N and Nm.
+        free_length: in the fidelity `leg`, what the plant's owner is asked for, (A,) m.
+    """
 
     setpoint: OutputPort
+    joint_effort: OutputPort
     drive_effort: OutputPort
+    free_length: OutputPort | None = None
 
 
 def AddActuation(
@@ -47,55 +64,145 @@ def AddActuation(
     """Connects commanded drives to the plant, with the fidelity that `config` names.
 
     `joint`: servo, then the inverse linkage, then the plant's implicit PD, whose gains are in the
-    arm's model. Between two updates of the servo the joints' set-points move on straight lines:
-    held still, a stiff drive would answer each update with a kick (of kilonewtons on the rail).
+    arm's model. `leg`: servo, then the free lengths of the plant's springs between the pins, which
+    whoever simulates must grant (`legs.LegServer`); the base's joints as before. Between two
+    updates of the servo the set-points move on straight lines: held still, a stiff drive would
+    answer each update with a kick (of kilonewtons on the rail).
     Latency: one control period in the servo, and two plant steps; a continuous plant has none.
+
+    Args:
+        plant: made for the same fidelity.
     """
     arm = setup.arm
     servo = builder.AddNamedSystem("actuator_servo", ActuatorServo(arm, period=period))
-    angle_map = builder.AddNamedSystem("actuator_angle_map", ActuatorAngleMap(arm, period=period))
     force_map = builder.AddNamedSystem("actuator_force_map", ActuatorForceMap(arm))
     builder.Connect(drive_state, servo.GetInputPort("drive_state"))
-    gravity = gravity_in_frame_0(plant)
+    gravity, along_legs = gravity_in_frame_0(plant), config.fidelity != "joint"
     start = plant.GetDefaultPositions(model)
     if config.compensate_deflection:
-        start = start + holding_efforts(arm, start, gravity)[0] / joint_stiffness(arm)
+        start = _sent_farther(arm, start, gravity, along_legs)
         compensator = builder.AddNamedSystem(
-            "deflection_compensator", DeflectionCompensator(arm, gravity=gravity)
+            "deflection_compensator",
+            DeflectionCompensator(arm, gravity=gravity, along_legs=along_legs),
         )
         builder.Connect(joint_state, compensator.GetInputPort("joint_state"))
         builder.Connect(
             compensator.GetOutputPort("drive_offset"), servo.GetInputPort("drive_offset")
         )
-    builder.Connect(servo.GetOutputPort("setpoint"), angle_map.GetInputPort("drive_state"))
     # The run begins at rest: where these first set-points and gravity leave the arm.
-    plant.SetDefaultPositions(model, _standing_posture(arm, start, gravity))
-    interpolator = builder.AddNamedSystem(
-        "setpoint_interpolator", _make_interpolator(start, plant.time_step())
+    plant.SetDefaultPositions(model, _standing_posture(arm, start, gravity, along_legs))
+    connect = _connect_legs if along_legs else _connect_joints
+    joint_effort, free_length = connect(
+        builder,
+        plant=plant,
+        model=model,
+        arm=arm,
+        setpoint=servo.GetOutputPort("setpoint"),
+        start=start,
+        period=period,
     )
-    angles = angle_map.GetOutputPort("joint_state")
-    if plant.time_step() > 0.0:
+    builder.Connect(plant.get_state_output_port(model), force_map.GetInputPort("joint_state"))
+    builder.Connect(joint_effort, force_map.GetInputPort("joint_effort"))
+    return ActuationPorts(
+        setpoint=servo.GetOutputPort("setpoint"),
+        joint_effort=joint_effort,
+        drive_effort=force_map.GetOutputPort("drive_effort"),
+        free_length=free_length,
+    )
+
+
+def _connect_joints(
+    builder: DiagramBuilder,
+    *,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    arm: SerpentineArm,
+    setpoint: OutputPort,
+    start: Array,
+    period: float,
+) -> tuple[OutputPort, None]:
+    """Servos to the plant's drives at the joints; returns what acts at the joints."""
+    angle_map = builder.AddNamedSystem("actuator_angle_map", ActuatorAngleMap(arm, period=period))
+    builder.Connect(setpoint, angle_map.GetInputPort("drive_state"))
+    moving = _add_interpolation(
+        builder,
+        angle_map.GetOutputPort("joint_state"),
+        start=start,
+        period=period,
+        time_step=plant.time_step(),
+    )
+    builder.Connect(moving, plant.get_desired_state_input_port(model))
+    return plant.get_net_actuation_output_port(model), None
+
+
+def _connect_legs(
+    builder: DiagramBuilder,
+    *,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    arm: SerpentineArm,
+    setpoint: OutputPort,
+    start: Array,
+    period: float,
+) -> tuple[OutputPort, OutputPort]:
+    """Servos to the plant's springs; returns what acts at the joints, and the lengths asked for."""
+    moving = _add_interpolation(
+        builder,
+        setpoint,
+        start=drives_from_joints(arm, start),
+        period=period,
+        time_step=plant.time_step(),
+    )
+    first, joints = arm.first_actuated_joint, arm.joints
+    springs = builder.AddNamedSystem("leg_springs", LegSprings(arm, period=plant.time_step()))
+    effort_map = builder.AddNamedSystem("leg_effort_map", LegEffortMap(arm))
+    base = _add_selection(builder, "base_setpoint", moving, slice(0, first))
+    legs = _add_selection(builder, "leg_setpoint", moving, slice(first, joints))
+    state = plant.get_state_output_port(model)
+    builder.Connect(base, plant.get_desired_state_input_port(model))
+    builder.Connect(legs, springs.GetInputPort("leg_command"))
+    builder.Connect(state, springs.GetInputPort("joint_state"))
+    builder.Connect(state, effort_map.GetInputPort("joint_state"))
+    builder.Connect(
+        plant.get_net_actuation_output_port(model), effort_map.GetInputPort("base_effort")
+    )
+    builder.Connect(springs.GetOutputPort("leg_force"), effort_map.GetInputPort("leg_force"))
+    return effort_map.GetOutputPort("joint_effort"), springs.GetOutputPort("free_length")
+
+
+def _add_interpolation(
+    builder: DiagramBuilder, sampled: OutputPort, *, start: Array, period: float, time_step: float
+) -> OutputPort:
+    """Set-points (x, v) that move on straight lines from `start` at the sampled port's rates."""
+    if time_step > 0.0:
         # Drake forgets every cached output at every step of any discrete system. This hold keeps
         # the inverse linkage from being computed anew at each step of the plant.
         hold = builder.AddNamedSystem(
-            "setpoint_hold", ZeroOrderHold(period, 2 * arm.joints, offset_sec=plant.time_step())
+            "setpoint_hold", ZeroOrderHold(period, 2 * start.size, offset_sec=time_step)
         )
-        builder.Connect(angles, hold.get_input_port())
-        angles = hold.get_output_port()
-    builder.Connect(angles, interpolator.get_input_port())
-    builder.Connect(interpolator.get_output_port(), plant.get_desired_state_input_port(model))
-    builder.Connect(plant.get_state_output_port(model), force_map.GetInputPort("joint_state"))
-    builder.Connect(
-        plant.get_net_actuation_output_port(model), force_map.GetInputPort("joint_effort")
+        builder.Connect(sampled, hold.get_input_port())
+        sampled = hold.get_output_port()
+    interpolator = builder.AddNamedSystem(
+        "setpoint_interpolator", _make_interpolator(start, time_step)
     )
-    return ActuationPorts(
-        setpoint=servo.GetOutputPort("setpoint"),
-        drive_effort=force_map.GetOutputPort("drive_effort"),
-    )
+    builder.Connect(sampled, interpolator.get_input_port())
+    moving: OutputPort = interpolator.get_output_port()
+    return moving
+
+
+def _add_selection(
+    builder: DiagramBuilder, name: str, state: OutputPort, rows: slice
+) -> OutputPort:
+    """Some coordinates of a state (x, v) with their rates."""
+    some = np.eye(state.size() // 2)[rows]
+    selection = builder.AddNamedSystem(name, MatrixGain(np.kron(np.eye(2), some)))
+    builder.Connect(state, selection.get_input_port())
+    selected: OutputPort = selection.get_output_port()
+    return selected
 
 
 def _make_interpolator(start: Array, time_step: float) -> AffineSystem:
-    """Joint set-points that move at the input's rates; output (x, v).
+    """Set-points that move at the input's rates; output (x, v).
 
     x+ = x + time_step v, or x' = v if `time_step` is 0: limit of the former for small steps.
     """
@@ -114,10 +221,27 @@ def _make_interpolator(start: Array, time_step: float) -> AffineSystem:
     return interpolator
 
 
-def _standing_posture(arm: SerpentineArm, command: Array, gravity: Array) -> Array:
+def _sent_farther(arm: SerpentineArm, posture: Array, gravity: Array, along_legs: bool) -> Array:
+    """Joints to command, (J,), so that the arm stands at a posture under gravity."""
+    efforts = holding_efforts(arm, posture, gravity)[0]
+    if not along_legs:
+        aim: Array = posture + efforts / joint_stiffness(arm)
+        return aim
+    give = drive_efforts(arm, posture, efforts) / drive_stiffness(arm)
+    return joints_from_drives(arm, drives_from_joints(arm, posture) + give)
+
+
+def _standing_posture(
+    arm: SerpentineArm, command: Array, gravity: Array, along_legs: bool
+) -> Array:
     """Where the arm stands still when its joints are commanded to `command`, (J,)."""
-    stiffness, posture = joint_stiffness(arm), command
+    posture, drives = command, drives_from_joints(arm, command)
     # Each step changes the sag by the sag's own share of the levers: a thousandth.
     for _ in range(4):
-        posture = command - holding_efforts(arm, posture, gravity)[0] / stiffness
+        efforts = holding_efforts(arm, posture, gravity)[0]
+        if along_legs:
+            give = drive_efforts(arm, posture, efforts) / drive_stiffness(arm)
+            posture = joints_from_drives(arm, drives - give)
+        else:
+            posture = command - efforts / joint_stiffness(arm)
     return posture

@@ -22,6 +22,7 @@ from pips_drake.scene.loading import (
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.sdf import make_sdf
+from pips_drake.serpentine.station.legs import AddLegSprings
 from pips_drake.serpentine.station.setup import SerpentineSetup, mounting_pose
 from pips_drake.serpentine.systems.actuator_visualizer import AddActuatorVisualizer
 
@@ -64,11 +65,14 @@ def make_plant(
     scenario: SerpentineScenario,
     *,
     visual_period: float | None = None,
+    fidelity: str = "joint",
 ) -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
     """Adds a finalized plant with arm and scene; the arm's default posture is home on its path.
 
     Args:
         visual_period: how often the drawn actuators move, s; None for a plant that is only posed.
+        fidelity: of the actuators, as in `actuation.fidelity`; a posed plant needs none beyond
+            `joint`.
     """
     plant, scene_graph = AddMultibodyPlant(
         MultibodyPlantConfig(
@@ -79,6 +83,8 @@ def make_plant(
         builder,
     )
     model = AddSerpentineArm(plant, setup.arm, mounting_pose(scenario), setup.rail_shift)
+    if fidelity == "leg":
+        AddLegSprings(plant, model, setup.arm)
     scene = []
     if setup.scene_file is not None:
         scene = AddScene(plant, setup.scene_file, base_frame=BASE_FRAME)

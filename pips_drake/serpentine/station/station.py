@@ -8,6 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station.actuation import AddActuation
 from pips_drake.serpentine.station.camera import CAMERA_PORTS, AddCameraPointer, AddCameraStation
+from pips_drake.serpentine.station.legs import FREE_LENGTH, LegServer
 from pips_drake.serpentine.station.motion import make_profile
 from pips_drake.serpentine.station.plant import make_plant
 from pips_drake.serpentine.station.setup import SerpentineSetup, load_setup
@@ -19,6 +20,8 @@ from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 #: How often a run's drawn actuators move, and those who watch it live are told, s. Twice as often
 #: would take a twentieth more time (measured), and a run goes several times as fast as the clock.
 VISUAL_PERIOD = 1.0 / 16.0
+#: Name of the diagram.
+STATION = "serpentine_station"
 
 
 def MakeSerpentineStation(
@@ -52,6 +55,12 @@ def MakeSerpentineStation(
     late by none (`integration.scheme`; simulate it with `MakeSimulator`, which knows integrator and
     accuracy).
 
+    Fidelities (`actuation.fidelity`): the above is `joint`. With `leg`, `plant.net_actuation` is
+    what the springs between the pins make at the joints; `base_setpoint`, `leg_setpoint`,
+    `leg_springs` and `leg_effort_map` stand for `actuator_angle_map`; and `leg_springs.free_length`
+    (A,) is a request, which a `LegServer` grants at every step: `MakeSimulator` installs it. The
+    latencies are the same.
+
     Args:
         setup: what the scenario names, if it is loaded already.
 
@@ -64,7 +73,13 @@ def MakeSerpentineStation(
     period = 1.0 / scenario.clocks.control_hz
     motion = scenario.motion
     builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, scenario, visual_period=VISUAL_PERIOD)
+    plant, scene_graph, model = make_plant(
+        builder,
+        setup,
+        scenario,
+        visual_period=VISUAL_PERIOD,
+        fidelity=scenario.actuation.fidelity,
+    )
     source = builder.AddNamedSystem(
         "tip_path_source",
         TipPathSource(
@@ -97,7 +112,7 @@ def MakeSerpentineStation(
         )
         builder.Connect(pointer.GetOutputPort("pan_tilt"), camera.GetInputPort("pan_tilt"))
     builder.Connect(joint_state, length_map.GetInputPort("joint_state"))
-    AddActuation(
+    actuation = AddActuation(
         builder,
         plant=plant,
         model=model,
@@ -139,10 +154,12 @@ def MakeSerpentineStation(
         system, port = name.split(".")
         builder.ExportOutput(builder.GetSubsystemByName(system).GetOutputPort(port), name)
     builder.ExportOutput(plant.get_state_output_port(model), "plant.state")
-    builder.ExportOutput(plant.get_net_actuation_output_port(model), "plant.net_actuation")
+    builder.ExportOutput(actuation.joint_effort, "plant.net_actuation")
+    if actuation.free_length is not None:
+        builder.ExportOutput(actuation.free_length, FREE_LENGTH)
     builder.ExportOutput(scene_graph.get_query_output_port(), "scene_graph.query")
     diagram = builder.Build()
-    diagram.set_name("serpentine_station")
+    diagram.set_name(STATION)
     return diagram
 
 
@@ -151,8 +168,14 @@ def MakeSimulator(diagram: Diagram, scenario: SerpentineScenario) -> Simulator:
 
     A station of another `integration.scheme` than `discrete` needs it: the integrator and its
     accuracy are the simulator's, not the diagram's. Its steps end at the servos' updates anyway.
+    So does the fidelity `leg`: the lengths of the plant's springs are set by the simulator's
+    monitor (`LegServer`).
     """
     simulator = Simulator(diagram)
+    if scenario.actuation.fidelity == "leg":
+        is_station = diagram.get_name() == STATION
+        station = diagram if is_station else diagram.GetSubsystemByName("station")
+        simulator.set_monitor(LegServer(station).monitor)
     if scenario.integration.scheme != "discrete":
         config = SimulatorConfig(
             integration_scheme=scenario.integration.scheme,
