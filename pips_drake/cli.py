@@ -375,7 +375,13 @@ _DRIVE_LINES: tuple[Line, ...] = (
     ("actuator_force_max_fraction", "actuator force, at most", 100, "% of its limit"),
     ("drive_speed_max_fraction", "drive speed, at most", 100, "% of its limit"),
 )
-_CHECK_LINES = (*_CLEARANCE_LINES, *_PLAN_LINES, *_DRIVE_LINES)
+_CHECK_LINES: tuple[Line, ...] = (
+    *_CLEARANCE_LINES,
+    *_PLAN_LINES,
+    *_DRIVE_LINES,
+    ("motion_duration_constant_s", "way out at constant speed", 1, "s"),
+    ("motion_duration_fastest_s", "way out as fast as the drives can", 1, "s"),
+)
 _SIMULATE_LINES: tuple[Line, ...] = (
     *_CLEARANCE_LINES,
     ("spine_error_max_m", "spine to plan, at most", 1e3, "mm"),
@@ -395,6 +401,9 @@ def _report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False)
     for key, words, factor, unit in lines:
         if summary.get(key) is not None:
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
+    binding = summary.get("motion_binding_limits_s")
+    if binding and lines is _CHECK_LINES:
+        print(f"  {'held back by':<40}{_shares(binding)}")
     if summary.get("rail_shift_m"):
         inches = summary["rail_shift_m"] / 0.0254
         print(f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home")
@@ -407,6 +416,13 @@ def _report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False)
     if verdict.folder is not None:
         print(f"  written to {verdict.folder}")
     return DONE if verdict.passed else FAILED
+
+
+def _shares(times: Mapping[str, float]) -> str:
+    """The first three of some times, in percent of all."""
+    total = sum(times.values())
+    shown = [f"{name} ({100.0 * time / total:.0f} %)" for name, time in list(times.items())[:3]]
+    return ", ".join(shown + ["..."] * (len(times) > 3))
 
 
 def _shown(summary: Mapping[str, Any], key: str, factor: float) -> str:

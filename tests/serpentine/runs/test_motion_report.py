@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 from pydrake.systems.framework import DiagramBuilder
 
+from pips_drake.cli import main
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine.runs import simulate as simulate_module
 from pips_drake.serpentine.runs.assessment import Assessment
@@ -117,6 +118,16 @@ def test_a_check_judges_the_motion_that_is_wanted(tmp_path):
     assert written["motion_duration_s"] == written["motion_duration_fastest_s"]
     assert list(written["motion_binding_limits_s"]) == ["d1 speed", "d1 acceleration"]
     assert (tmp_path / "out" / "figures" / "fastest_motion.png").is_file()
+
+
+def test_the_command_says_how_long_and_what_holds_it_back(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["check", "trajectory_4_arcs", "--scene", "none"])
+    assert ended.value.code == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "way out at constant speed 92.97 s" in printed
+    assert "way out as fast as the drives can 48.5 s" in printed
+    assert "held back by d1 speed (98 %), d1 acceleration (2 %)" in printed
 
 
 def test_a_run_may_be_the_fastest(tmp_path, monkeypatch):
