@@ -83,7 +83,6 @@ def gravity_efforts(dh, q, masses, centres, gravity):
     rotations = np.empty((joints, 3, 3))
     origins = np.empty((joints, 3))
     moment = np.empty(3)
-    lever = np.empty(3)
     for i in range(q.shape[0]):
         joint_frames(dh, q[i], rotations, origins)
         mass = 0.0
@@ -95,10 +94,12 @@ def gravity_efforts(dh, q, masses, centres, gravity):
                 for m in range(3):
                     centre += rotations[j, k, m] * centres[j, m]
                 moment[k] += masses[j] * centre
-            if dh[j, 4] == PRISMATIC:
-                efforts[i, j] = mass * np.sum(rotations[j, :, 2] * gravity)
-            else:
-                for k in range(3):
-                    lever[k] = moment[k] - mass * origins[j, k]
-                efforts[i, j] = np.sum(rotations[j, :, 2] * np.cross(lever, gravity))
+            efforts[i, j] = 0.0
+            for k in range(3):
+                pull = mass * gravity[k]
+                if dh[j, 4] != PRISMATIC:
+                    m, n = (k + 1) % 3, (k + 2) % 3
+                    x, y = moment[m] - mass * origins[j, m], moment[n] - mass * origins[j, n]
+                    pull = x * gravity[n] - y * gravity[m]
+                efforts[i, j] += rotations[j, k, 2] * pull
     return efforts

@@ -244,6 +244,7 @@ class FollowTheLeader:
                 self.tolerance,
                 self.max_iterations,
                 module_lengths,
+                True,
                 self._base_dh,
                 joint_state,
                 solution,

@@ -157,6 +157,7 @@ def follow_tip(
     tolerance,
     max_iterations,
     module_lengths,
+    carry_over,
     base_dh,
     joint_state,
     solution,
@@ -166,6 +167,7 @@ def follow_tip(
     Args:
         s_tip, speed: the tip's arc length and rate, m and m/s.
         module_lengths: where the iteration starts, (M,) m; in and out, as they carry over.
+        carry_over: true. (Said here it would be a constant, for which all is compiled once more.)
         base_dh: the base's rows of the Denavit-Hartenberg table, without sines.
         joint_state: out, joint values and rates (2 J,); not written without a solution.
         solution: out, spine error (m) and iterations, (2,).
@@ -186,7 +188,7 @@ def follow_tip(
         tolerance,
         max_iterations,
         module_lengths,
-        True,
+        carry_over,
     )
     module_lengths[:] = lengths[0]
     if status[0] == CONVERGED:
