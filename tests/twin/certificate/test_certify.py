@@ -145,33 +145,42 @@ def test_every_shape_as_obstacle_and_tilted(name) -> None:
     assert least - 2e-5 <= found.upper <= least + 1e-5
 
 
-def test_drake_is_wrong_and_the_certificate_is_right(truth) -> None:
-    """Drake's capsule-box distance can be too large by a millimetre; what is proved never is."""
-    rng, worse = np.random.default_rng(7), 0
+#: Where Drake (1.58) has a capsule too far from a box by 1 mm and more, once by 165 mm: places (m)
+#: and angles (rad); eight of 170,000 random ones.
+DRAKE_IS_WRONG = (
+    ((-0.486, 0.280, -0.454), (-2.42, -1.39, -1.94)),
+    ((-0.585, -0.030, -0.717), (2.38, 2.52, -2.88)),
+    ((-0.038, 0.017, 0.543), (-0.67, 1.14, -1.86)),
+    ((0.500, 0.744, 0.091), (-2.68, -2.96, -1.26)),
+    ((0.265, 0.705, 0.040), (-0.70, 0.56, 1.08)),
+    ((0.629, 0.036, 0.179), (1.26, 0.15, -0.60)),
+    ((-0.641, -0.104, 0.094), (2.77, -0.25, -0.16)),
+    ((0.578, -0.228, -0.323), (1.86, 0.60, 0.39)),
+)
+
+
+def test_where_drake_is_wrong_the_certificate_is_right(truth) -> None:
     half = np.array([0.25, 0.2, 0.3])
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     bench = Bench()
-    tool = bench.body("tool", bench.robot, Capsule(0.1, 1.0))
-    for axis in "xyz":  # only so that there are joints to pose it with
-        del axis
+    bench.body("tool", bench.robot, Capsule(0.1, 1.0))
     bench.shape(bench.world, Box(*(2.0 * half)))
     bench.finish()
-    start = tool.floating_positions_start()
-    assert start == 0
-    for _ in range(400):
-        direction = rng.normal(size=3)
-        place = direction / np.linalg.norm(direction) * rng.uniform(0.35, 0.8)
-        turn = RotationMatrix(RollPitchYaw(rng.uniform(-3.0, 3.0, 3)))
+    worse = 0
+    for place, angles in DRAKE_IS_WRONG:
+        turn = RotationMatrix(RollPitchYaw(angles))
         q = np.concatenate([turn.ToQuaternion().wxyz(), place])
-        ends = np.array([[0, 0, -0.5], [0, 0, 0.5]]) @ turn.matrix().T + place
+        ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) @ turn.matrix().T + place
         exact = truth.core_distance(ends, corners) - 0.1
         found = bench.certify([q], tolerance=1e-6).scene
-        assert found.lower <= exact + 1e-9
-        assert found.upper == pytest.approx(exact, abs=1e-6)
-        if bench.drake(q) > exact + 1e-3:
-            worse += 1
-            assert found.upper < bench.drake(q) - 0.9e-3
-    assert worse >= 3  # there are such postures, so this test looks at what it is about
+        assert exact - 1e-6 <= found.lower <= exact + 1e-9
+        assert exact - 1e-9 <= found.upper <= exact + 1e-6
+        # A proof, which rests on no distance engine.
+        assert check_proof(make_proof(found)).failures == ()
+        worse += bench.drake(q) > found.upper + 0.9e-3
+    # There are such postures, so this test looks at what it is about. (Not all of them in every
+    # version of Drake: it depends on rounding.)
+    assert worse >= 2
 
 
 def test_an_obstacle_that_moves_is_met_where_it_is() -> None:
