@@ -9,13 +9,27 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from pips_drake.config import require
 from pips_drake.errors import InputError
 from pips_drake.serpentine.motion_profile import MotionProfile
+from pips_drake.serpentine.motion_words import (
+    DONE,
+    DWELLING,
+    EXTENDING,
+    HOLD,
+    RETRACT,
+    RETRACTING,
+    RUN,
+)
 from pips_drake.serpentine.tip_path import TipPath
 
-#: Phases of a run, as the `phase` output says them.
-EXTENDING, DWELLING, RETRACTING, DONE = 0.0, 1.0, 2.0, 3.0
-
-#: Words of the `command` input.
-RUN, HOLD, RETRACT = 1.0, 0.0, -1.0
+__all__ = [
+    "DONE",
+    "DWELLING",
+    "EXTENDING",
+    "HOLD",
+    "RETRACT",
+    "RETRACTING",
+    "RUN",
+    "TipPathSource",
+]
 
 
 class TipPathSource(LeafSystem):
@@ -26,6 +40,7 @@ class TipPathSource(LeafSystem):
         name: TipPathSource
         input_ports:
         - command
+        - speed_share
         output_ports:
         - tip
         - path
@@ -35,6 +50,8 @@ class TipPathSource(LeafSystem):
 
     - `command`, (1,): `RUN` (1), `HOLD` (0) or `RETRACT` (-1); optional, `RUN` when unconnected.
       Another number raises `InputError`. After `RETRACT` the way is back: `RUN` goes on with it.
+    - `speed_share`, (1,): at which share of the profile's speed, above 0 and at most 1; optional, 1
+      when unconnected.
 
     Output ports, all from state or constant (no feedthrough):
 
@@ -46,9 +63,10 @@ class TipPathSource(LeafSystem):
     left to dwell, s. Updated every `period` s (default 1/64 s).
 
     A hold slows the profile's own clock to rest over `hold_ramp` s and a resume speeds it up again,
-    so the tip follows the same speeds along the same path; going back runs the clock backwards. At
-    both ends of the profile the tip is at rest, and the clock stops, starts and turns at once.
-    Latency: a command acts at the next update.
+    so the tip follows the same speeds along the same path; going back runs the clock backwards. A
+    share of the speed is a share of the clock's rate, and is reached in the same way. At both ends
+    of the profile the tip is at rest, and the clock stops, starts and turns at once. Latency: a
+    command acts at the next update.
 
     Args:
         path: the path.
@@ -79,6 +97,7 @@ class TipPathSource(LeafSystem):
         self._rate_step = period / hold_ramp
         self._period = period
         self._command_port = self.DeclareVectorInputPort("command", 1)
+        self._share_port = self.DeclareVectorInputPort("speed_share", 1)
         self._state = self.DeclareDiscreteState([0.0, 1.0, EXTENDING, dwell])
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update_state)
         state_only = {self.discrete_state_ticket(self._state)}
@@ -107,6 +126,13 @@ class TipPathSource(LeafSystem):
             )
         return command
 
+    def _share(self, context: Context) -> float:
+        if not self._share_port.HasValue(context):
+            return 1.0
+        share = float(self._share_port.Eval(context)[0])
+        require(0.0 < share <= 1.0, "TipPathSource.speed_share", share, "> 0 and <= 1")
+        return share
+
     def _update_state(self, context: Context, values: DiscreteValues) -> None:
         # Python's own numbers: several times faster than numpy's.
         time, rate, phase, dwell = context.get_discrete_state(self._state).value().tolist()
@@ -118,6 +144,7 @@ class TipPathSource(LeafSystem):
         if command == RETRACT and (phase < RETRACTING or time > 0.0):
             phase = RETRACTING
         wanted = 0.0 if command == HOLD else {EXTENDING: 1.0, RETRACTING: -1.0}.get(phase, 0.0)
+        wanted *= self._share(context)
         if time <= 0.0 or time >= end:
             rate = wanted
         new_rate = rate + min(max(wanted - rate, -self._rate_step), self._rate_step)

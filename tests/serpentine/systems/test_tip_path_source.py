@@ -71,7 +71,7 @@ def assert_continuous(rows):
 
 def test_ports(path, profile, port_sizes):
     inputs, outputs = port_sizes(TipPathSource(path, profile))
-    assert inputs == {"command": 1}
+    assert inputs == {"command": 1, "speed_share": 1}
     assert outputs == {"tip": 2, "path": 0, "phase": 1}
 
 
@@ -201,6 +201,56 @@ def test_retract_at_the_far_end_comes_back_though_nobody_planned_it(path, profil
     rows = run(source, 2.0 * profile.duration + 2.0, [(profile.duration + 0.5, RETRACT)])
     np.testing.assert_array_equal(rows[-1, 1:], [path.home_arc_length, 0.0, DONE])
     assert_continuous(rows)
+
+
+def test_a_share_of_the_speed_goes_back_over_the_same_points_more_slowly(path, profile):
+    source = TipPathSource(path, profile)
+    source_run = Simulator(source)
+    context = source_run.get_mutable_context()
+    for port, value in (("command", RETRACT), ("speed_share", 0.5)):
+        source.GetInputPort(port).FixValue(context, [value])
+    # From the end of the path, at rest.
+    context.SetDiscreteState([profile.duration, 0.0, DWELLING, 1.0])
+    rows = []
+    for k in range(int(2.0 * profile.duration / PERIOD) + 4):
+        source_run.AdvanceTo((k + 0.5) * PERIOD)
+        rows.append(np.array(source.GetOutputPort("tip").Eval(context)))
+    back = np.array(rows)
+    np.testing.assert_array_equal(back[-1], [path.home_arc_length, 0.0])
+    # The clock at half its rate, as soon as the first update: no ramp from rest at the end.
+    clock = np.maximum(profile.duration - 0.5 * PERIOD * (1.0 + np.arange(len(back))), 0.0)
+    expected = np.array([profile(time) for time in clock])
+    np.testing.assert_allclose(
+        back[:, 0] - path.home_arc_length, expected[:, 0], rtol=0, atol=ROUNDING
+    )
+    np.testing.assert_allclose(back[:-4, 1], -0.5 * expected[:-4, 1], rtol=0, atol=ROUNDING)
+
+
+def test_a_change_of_the_share_is_a_ramp(path, profile):
+    source = TipPathSource(path, profile, hold_ramp=1.0)
+    simulator = Simulator(source)
+    context = simulator.get_mutable_context()
+    rates = []
+    for k in range(320):
+        if k in (192, 224):
+            share = 0.25 if k == 192 else 1.0
+            source.GetInputPort("speed_share").FixValue(context, [share])
+        simulator.AdvanceTo((k + 0.5) * PERIOD)
+        rates.append(source.GetOutputPort("tip").Eval(context)[1])
+    # The clock slows down by half within the half second, and speeds up again as fast.
+    assert rates[223] == pytest.approx(0.5 * SPEED, abs=ROUNDING)
+    assert rates[255] == pytest.approx(SPEED, abs=ROUNDING)
+    steps = np.abs(np.diff(rates[190:]))
+    assert steps.max() == pytest.approx(SPEED * PERIOD, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("share", [0.0, -0.5, 1.01, np.nan])
+def test_a_share_that_is_none_is_refused(path, profile, share):
+    source = TipPathSource(path, profile)
+    simulator = Simulator(source)
+    source.GetInputPort("speed_share").FixValue(simulator.get_mutable_context(), [share])
+    with pytest.raises(InputError, match=r"TipPathSource.speed_share = .*; must be > 0 and <= 1"):
+        simulator.AdvanceTo(0.1)
 
 
 def test_an_unconnected_command_means_run(path, profile):

@@ -1,0 +1,231 @@
+"""Holds, takes back or stops an arm on its path when something is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.drives import drive_limits
+from pips_drake.serpentine.motion_words import RUN
+from pips_drake.serpentine.supervision import (
+    BY_GRAVITY,
+    Cause,
+    Decision,
+    Measurement,
+    Mode,
+    Thresholds,
+    command_of,
+    decide,
+)
+from pips_drake.serpentine.supervisor_config import SupervisorConfig
+from pips_drake.serpentine.tracking import largest_share, tracking_error
+from pips_drake.twin.systems.inputs import input_values
+
+Array = NDArray[np.float64]
+
+#: What the `measured` output holds, with units.
+MEASURED = (
+    "clearance_m",
+    "clearance_rate_m_per_s",
+    "self_clearance_m",
+    "self_clearance_rate_m_per_s",
+    "tracking_error_m",
+    "tracking_joint",
+    "force_fraction",
+    "force_drive",
+    "unhealthy_encoder",
+)
+
+
+class MotionSupervisor(LeafSystem):
+    """Lets the operator's command through to the path source, or holds, retracts or stops the tip.
+
+    .. pydrake_system::
+
+        name: MotionSupervisor
+        input_ports:
+        - clearance
+        - commanded_joint_state
+        - joint_state
+        - drive_effort
+        - tip
+        - phase
+        - operator_command
+        - encoder_health
+        output_ports:
+        - command
+        - speed_share
+        - mode
+        - cause
+        - measured
+
+    Input ports:
+
+    - `clearance`, (3,): `ClearanceMonitor.clearance`: distance to the scene, m, its rate, m/s
+      (where it is NaN, that of the last two samples is taken), and distance to itself, m.
+    - `commanded_joint_state`, (2 J,): where the joints are sent, m and rad, and rates (not used).
+    - `joint_state`, (2 J,): where they are measured, and rates (not used).
+    - `drive_effort`, (J,): efforts of the drives, N and Nm.
+    - `tip`, (2,): `TipPathSource.tip`: arc length, m (not used), and its rate, m/s.
+    - `phase`, (1,): `TipPathSource.phase`.
+    - `operator_command`, (1,): what the operator wants: 1 (run), 0 (hold) or -1 (retract);
+      optional, run when unconnected. Anything else stops the arm.
+    - `encoder_health`, (J,): 1 for a joint whose encoder can be trusted; optional, all of them when
+      unconnected.
+
+    Output ports, all from state (no feedthrough):
+
+    - `command`, (1,): for `TipPathSource.command`.
+    - `speed_share`, (1,): for `TipPathSource.speed_share`.
+    - `mode`, (1,): `supervision.Mode`: 0 permit, 1 hold, 2 retract, 3 stop.
+    - `cause`, (1,): `supervision.Cause`: 0 none, 1 clearance, 2 self clearance, 3 tracking, 4
+      force, 5 encoder, 6 invalid number.
+    - `measured`, (9,): what the present decision rests on (`MEASURED`, names and units): clearance
+      and rate, self clearance and rate, tracking error and the joint of that spine point (from 1),
+      share of its limit that a drive needs and which (from 0), first encoder that is not trusted
+      (from 0, -1 for none). Zero before the first decision.
+
+    State: discrete, updated every `period` s (default 1/32 s), the first time at `offset` s
+    (default 1/64 s, so that it sees what a monitor has found a control period before): command,
+    share, mode, cause, directions barred by each cause, least clearances, time waited; and
+    `measured`. Latency: what is measured acts on the outputs at the next update.
+
+    Decisions are those of `supervision.decide`. In short: the tip is held when the clearance that
+    would be left at rest, d + min(rate, 0) T, falls below the hold threshold. T is latency + ramp /
+    2, so that v T is the stopping distance v latency + v^2 / (2 a) with the ramp's a = v / ramp.
+    Motion the other way passes at full speed. What lasts longer than the patience is answered by
+    retraction, or by a stop where the way back is barred too. A stop is not left again.
+
+    Args:
+        arm: whose joints and drives they are.
+        config: thresholds.
+        latency: from a change of clearance to the plant's answer, s.
+        period, offset: s.
+    """
+
+    def __init__(
+        self,
+        arm: SerpentineArm,
+        *,
+        config: SupervisorConfig | None = None,
+        latency: float = 0.1,
+        period: float = 1.0 / 32.0,
+        offset: float = 1.0 / 64.0,
+    ) -> None:
+        super().__init__()
+        self._dh = arm.dh_table
+        self._spine = np.array(arm.spine_indices, dtype=np.int64)
+        self._effort_limits = drive_limits(arm)[3]
+        self._thresholds = (config or SupervisorConfig()).thresholds(latency)
+        self._period = period
+        joints = arm.joints
+        self._clearance = self._declare_input("clearance", 3)
+        self._commanded = self._declare_input("commanded_joint_state", 2 * joints)
+        self._joints = self._declare_input("joint_state", 2 * joints)
+        self._effort = self._declare_input("drive_effort", joints)
+        self._tip = self._declare_input("tip", 2)
+        self._phase = self._declare_input("phase", 1)
+        self._operator = self._declare_input("operator_command", 1)
+        self._health = self._declare_input("encoder_health", joints)
+        self._decided = self.DeclareDiscreteState(_pack(Decision(), RUN, 1.0))
+        self._measured = self.DeclareDiscreteState([0.0] * len(MEASURED))
+        # Distances at the update before, for rates; none yet.
+        self._last = self.DeclareDiscreteState([math.nan, math.nan])
+        self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._update)
+        decided_only = {self.discrete_state_ticket(self._decided)}
+        for index, name in enumerate(("command", "speed_share", "mode", "cause")):
+            self.DeclareVectorOutputPort(
+                name, 1, self._make_calc(index), prerequisites_of_calc=decided_only
+            )
+        self.DeclareStateOutputPort("measured", self._measured)
+
+    @property
+    def thresholds(self) -> Thresholds:
+        """Where it acts, SI."""
+        return self._thresholds
+
+    def _declare_input(self, name: str, size: int) -> int:
+        return int(self.DeclareVectorInputPort(name, size).get_index())
+
+    def _make_calc(self, index: int) -> Callable[[Context, BasicVector], None]:
+        """What writes one number of the decision to an output."""
+
+        def calc(context: Context, output: BasicVector) -> None:
+            output[0] = context.get_discrete_state(self._decided)[index]
+
+        return calc
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        seen, rows = self._see(context)
+        before = _unpack(context.get_discrete_state(self._decided).value().tolist())
+        after = decide(before, seen, self._thresholds, self._period)
+        command = command_of(after, seen.wish, seen.phase, self._thresholds.safe_share)
+        values.get_mutable_vector(self._decided).SetFromVector(_pack(after, *command))
+        values.get_mutable_vector(self._measured).SetFromVector(rows)
+        last = [seen.clearance, seen.own_clearance]
+        values.get_mutable_vector(self._last).SetFromVector(last)
+
+    def _see(self, context: Context) -> tuple[Measurement, list[float]]:
+        """What the inputs say, and the `measured` output of it."""
+        distance, rate, own = input_values(self, context, self._clearance).tolist()
+        last, own_last = context.get_discrete_state(self._last).value().tolist()
+        if math.isnan(rate):
+            rate = self._rate(last, distance)
+        own_rate = self._rate(own_last, own)
+        error, point = tracking_error(
+            self._dh,
+            self._spine,
+            input_values(self, context, self._commanded),
+            input_values(self, context, self._joints),
+        )
+        efforts = input_values(self, context, self._effort)
+        share, drive = largest_share(efforts, self._effort_limits)
+        operator = self.EvalVectorInput(context, self._operator)
+        health = self.EvalVectorInput(context, self._health)
+        # Written so that a NaN is not trusted.
+        bad = [] if health is None else np.flatnonzero(~(health.value() >= 1.0)).tolist()
+        seen = Measurement(
+            clearance=distance,
+            clearance_rate=rate,
+            own_clearance=own,
+            own_rate=own_rate,
+            tracking_error=error,
+            force_share=share,
+            healthy=len(bad) == 0,
+            tip_rate=float(input_values(self, context, self._tip)[1]),
+            phase=float(input_values(self, context, self._phase)[0]),
+            wish=RUN if operator is None else float(operator[0]),
+        )
+        encoder = -1.0 if len(bad) == 0 else float(bad[0])
+        return seen, [distance, rate, own, own_rate, error, point, share, drive, encoder]
+
+    def _rate(self, last: float, now: float) -> float:
+        """From two samples, m/s; zero at the first."""
+        return 0.0 if math.isnan(last) else (now - last) / self._period
+
+
+def _pack(decision: Decision, command: float, share: float) -> list[float]:
+    """A decision and what it commands as discrete state."""
+    barred = [float(decision.barred[cause]) for cause in BY_GRAVITY]
+    numbers = [decision.least, decision.own_least, decision.waited]
+    return [command, share, float(decision.mode), float(decision.cause), *barred, *numbers]
+
+
+def _unpack(state: list[float]) -> Decision:
+    """The decision in a discrete state."""
+    _, _, mode, cause, *rest = state
+    count = len(BY_GRAVITY)
+    least, own_least, waited = rest[count:]
+    return Decision(
+        mode=Mode(int(mode)),
+        cause=Cause(int(cause)),
+        barred=dict(zip(BY_GRAVITY, map(int, rest[:count]), strict=True)),
+        least=least,
+        own_least=own_least,
+        waited=waited,
+    )
