@@ -28,6 +28,10 @@ corner_deviation_in: 0.1
 mounting: pad_below
 mounting_position_m: [0.5, -0.5, 1.0]
 motion:
+  profile: fastest
+  tip_speed_max_mm_per_s: 30.0
+  limit_share: 0.8
+  smoothing_s: 0.25
   tip_speed_mm_per_s: 20.0
   ramp_s: 1.5
   dwell_s: 2.5
@@ -56,6 +60,11 @@ checks:
   speed_fraction_max: 0.8
   joint_overrun_max_deg: 0.2
   rail_overrun_max_mm: 0.5
+certificate:
+  enabled: false
+  tolerance_mm: 1.0
+  joint_error_deg: 0.1
+  rail_error_mm: 2.0
 view:
   direction: [1.0, 0.0, 0.5]
 camera:
@@ -173,6 +182,10 @@ BAD = {
     MINIMAL + "corner_deviation_in: -1": "corner_deviation_in = -1.0; must be >= 0",
     MINIMAL + "motion: {tip_speed_mm_per_s: 0}": "motion.tip_speed_mm_per_s = 0.0; must be > 0",
     MINIMAL + "motion: {ramp_s: -2}": "motion.ramp_s = -2.0; must be > 0",
+    MINIMAL + "motion: {profile: fast}": "motion.profile = fast; must be constant or fastest",
+    MINIMAL + "motion: {tip_speed_max_mm_per_s: -1}": "tip_speed_max_mm_per_s = -1.0; must be 0 or",
+    MINIMAL + "motion: {limit_share: 1.1}": "motion.limit_share = 1.1; must be 0.01 .. 1",
+    MINIMAL + "motion: {smoothing_s: -1}": "motion.smoothing_s = -1.0; must be 0 .. 60",
     MINIMAL + "motion: {dwell_s: -1}": "motion.dwell_s = -1.0; must be >= 0",
     MINIMAL + "motion: {dwell_s: .nan}": "motion.dwell_s = nan; must be a finite number",
     MINIMAL + "motion: {dwel_s: 1}": "unknown key 'dwel_s' (did you mean 'dwell_s'?)",
