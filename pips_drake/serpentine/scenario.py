@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from pips_drake.config import require
 from pips_drake.serpentine.mounting import mounting_rotation
+from pips_drake.serpentine.supervisor_config import SupervisorConfig
 
 #: Slowest tip speed, mm/s, and longest time, s, that a scenario may ask for.
 SLOWEST, DAY = 0.1, 86400.0
@@ -12,7 +13,7 @@ SLOWEST, DAY = 0.1, 86400.0
 #: What `motion.profile` may say.
 MOTION_PROFILES = ("constant", "fastest")
 #: What `actuation.fidelity` may say.
-FIDELITIES = ("joint", "leg")
+FIDELITIES = ("joint", "leg", "truss")
 #: What `integration.scheme` may say.
 INTEGRATION_SCHEMES = ("discrete", "radau3")
 #: Beyond the finest, roundings of the integrator's differences are larger than the error asked for;
@@ -103,7 +104,9 @@ class ActuationConfig:
 
     # joint: each actuator is its equivalent stiffness at its hinge, k (dL/dtheta)^2, taken where
     # the hinge is straight and constant from there. leg: a spring of stiffness k between the pins,
-    # whose free length is commanded; the hinge's stiffness follows the posture.
+    # whose free length is commanded; the hinge's stiffness follows the posture. truss: a tube and a
+    # rod between those pins, bodies of their own, whose prismatic drive has stiffness k and the
+    # actuator's force limit; their loops are closed by constraints.
     # models/sdf/prototype/README.md says when to use which.
     fidelity: str = "joint"
     # Send the drives farther by gravity's static deflection, so that the arm stands where wanted.
@@ -112,7 +115,7 @@ class ActuationConfig:
     show_uncompensated: bool = False
 
     def validate(self) -> None:
-        known = " or ".join(FIDELITIES)
+        known = ", ".join(FIDELITIES)
         require(self.fidelity in FIDELITIES, "actuation.fidelity", self.fidelity, known)
 
 
@@ -329,6 +332,7 @@ class SerpentineScenario:
     clocks: ClockConfig = field(default_factory=ClockConfig)
     integration: IntegrationConfig = field(default_factory=IntegrationConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
+    supervisor: SupervisorConfig = field(default_factory=SupervisorConfig)
     certificate: CertificateConfig = field(default_factory=CertificateConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
@@ -357,6 +361,10 @@ class SerpentineScenario:
             self.clearance_range_m,
             "> the clearances that checks ask for",
         )
+        most = self.supervisor.resume_clearance_mm * 1e-3
+        good = not self.supervisor.enabled or most < self.clearance_range_m
+        allowed = "> supervisor.resume_clearance_mm"
+        require(good, "clearance_range_m", self.clearance_range_m, allowed)
         good = 0.0 <= self.duration_s <= DAY
         require(good, "duration_s", self.duration_s, f">= 0 and <= {DAY:g}")
         scheme, fidelity = self.integration.scheme, self.actuation.fidelity

@@ -25,7 +25,7 @@ STRUT_RADIUS, POINT_LENGTH = 0.028, 0.45
 BAY_LENGTH = 0.8
 #: Radius of an actuator as a share of its pins' distance from the hinge: the pins stand 0.707 of a
 #: box's width beside the spine, and its faces 0.75.
-TUBE_RADIUS = 0.042
+TUBE_RADIUS, ROD_RADIUS = 0.042, 0.024
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -191,7 +191,7 @@ BAD = {
     MINIMAL + "motion: {dwel_s: 1}": "unknown key 'dwel_s' (did you mean 'dwell_s'?)",
     MINIMAL + "solver: {tolerance_in: 0}": "solver.tolerance_in = 0.0; must be > 0",
     MINIMAL + "solver: {max_iterations: 0}": "solver.max_iterations = 0; must be >= 1",
-    MINIMAL + "actuation: {fidelity: wire}": "actuation.fidelity = wire; must be joint or",
+    MINIMAL + "actuation: {fidelity: wire}": "actuation.fidelity = wire; must be joint, leg, truss",
     MINIMAL + "actuation: {fidelity: leg}\nintegration: {scheme: radau3}": (
         "actuation.fidelity = leg; must be joint with integration.scheme radau3"
     ),

@@ -19,9 +19,11 @@ from pips_drake.serpentine.drives import (
     joint_stiffness,
     joints_from_drives,
 )
+from pips_drake.serpentine.legs import make_legs
 from pips_drake.serpentine.scenario import ActuationConfig
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station.plant import gravity_in_frame_0
+from pips_drake.serpentine.station.prismatic_legs import legs_name, set_default_leg_positions
 from pips_drake.serpentine.station.setup import SerpentineSetup
 from pips_drake.serpentine.systems.actuator_angle_map import ActuatorAngleMap
 from pips_drake.serpentine.systems.actuator_force_map import ActuatorForceMap
@@ -29,6 +31,7 @@ from pips_drake.serpentine.systems.actuator_servo import ActuatorServo
 from pips_drake.serpentine.systems.deflection_compensator import DeflectionCompensator
 from pips_drake.serpentine.systems.leg_effort_map import LegEffortMap
 from pips_drake.serpentine.systems.leg_springs import LegSprings
+from pips_drake.serpentine.systems.loop_gap_meter import LoopGapMeter
 
 Array = NDArray[np.float64]
 
@@ -42,12 +45,14 @@ class ActuationPorts:
         joint_effort: what acts at the joints, (J,) N and Nm.
         drive_effort: what the drives make it with, (J,) N and Nm.
         free_length: in the fidelity `leg`, what the plant's owner is asked for, (A,) m.
+        loop_gap: in the fidelity `truss`, how far the loops stand open, (A,) m.
     """
 
     setpoint: OutputPort
     joint_effort: OutputPort
     drive_effort: OutputPort
     free_length: OutputPort | None = None
+    loop_gap: OutputPort | None = None
 
 
 def AddActuation(
@@ -65,7 +70,8 @@ def AddActuation(
 
     `joint`: servo, then the inverse linkage, then the plant's implicit PD, whose gains are in the
     arm's model. `leg`: servo, then the free lengths of the plant's springs between the pins, which
-    whoever simulates must grant (`legs.LegServer`); the base's joints as before. Between two
+    whoever simulates must grant (`legs.LegServer`); the base's joints as before. `truss`: servo,
+    then the implicit PD of the plant's prismatic legs. Between two
     updates of the servo the set-points move on straight lines: held still, a stiff drive would
     answer each update with a kick (of kilonewtons on the rail).
     Latency: one control period in the servo, and two plant steps; a continuous plant has none.
@@ -90,17 +96,31 @@ def AddActuation(
             compensator.GetOutputPort("drive_offset"), servo.GetInputPort("drive_offset")
         )
     # The run begins at rest: where these first set-points and gravity leave the arm.
-    plant.SetDefaultPositions(model, _standing_posture(arm, start, gravity, along_legs))
-    connect = _connect_legs if along_legs else _connect_joints
-    joint_effort, free_length = connect(
-        builder,
-        plant=plant,
-        model=model,
-        arm=arm,
-        setpoint=servo.GetOutputPort("setpoint"),
-        start=start,
-        period=period,
-    )
+    standing = _standing_posture(arm, start, gravity, along_legs)
+    plant.SetDefaultPositions(model, standing)
+    free_length = loop_gap = None
+    if along_legs:
+        moving = _add_interpolation(
+            builder,
+            servo.GetOutputPort("setpoint"),
+            start=drives_from_joints(arm, start),
+            period=period,
+            time_step=plant.time_step(),
+        )
+        first = arm.first_actuated_joint
+        base = _add_selection(builder, "base_setpoint", moving, slice(0, first))
+        command = _add_selection(builder, "leg_setpoint", moving, slice(first, arm.joints))
+        builder.Connect(base, plant.get_desired_state_input_port(model))
+        if config.fidelity == "leg":
+            leg_force, free_length = _connect_springs(builder, plant, model, arm, command)
+        else:
+            set_default_leg_positions(plant, arm, standing)
+            leg_force, loop_gap = _connect_prismatic_legs(builder, plant, model, arm, command)
+        joint_effort = _add_effort_map(builder, plant, model, arm, leg_force)
+    else:
+        joint_effort = _connect_joints(
+            builder, plant, model, arm, servo.GetOutputPort("setpoint"), start, period
+        )
     builder.Connect(plant.get_state_output_port(model), force_map.GetInputPort("joint_state"))
     builder.Connect(joint_effort, force_map.GetInputPort("joint_effort"))
     return ActuationPorts(
@@ -108,19 +128,19 @@ def AddActuation(
         joint_effort=joint_effort,
         drive_effort=force_map.GetOutputPort("drive_effort"),
         free_length=free_length,
+        loop_gap=loop_gap,
     )
 
 
 def _connect_joints(
     builder: DiagramBuilder,
-    *,
     plant: MultibodyPlant,
     model: ModelInstanceIndex,
     arm: SerpentineArm,
     setpoint: OutputPort,
     start: Array,
     period: float,
-) -> tuple[OutputPort, None]:
+) -> OutputPort:
     """Servos to the plant's drives at the joints; returns what acts at the joints."""
     angle_map = builder.AddNamedSystem("actuator_angle_map", ActuatorAngleMap(arm, period=period))
     builder.Connect(setpoint, angle_map.GetInputPort("drive_state"))
@@ -132,42 +152,61 @@ def _connect_joints(
         time_step=plant.time_step(),
     )
     builder.Connect(moving, plant.get_desired_state_input_port(model))
-    return plant.get_net_actuation_output_port(model), None
+    effort: OutputPort = plant.get_net_actuation_output_port(model)
+    return effort
 
 
-def _connect_legs(
+def _connect_springs(
     builder: DiagramBuilder,
-    *,
     plant: MultibodyPlant,
     model: ModelInstanceIndex,
     arm: SerpentineArm,
-    setpoint: OutputPort,
-    start: Array,
-    period: float,
+    command: OutputPort,
 ) -> tuple[OutputPort, OutputPort]:
-    """Servos to the plant's springs; returns what acts at the joints, and the lengths asked for."""
-    moving = _add_interpolation(
-        builder,
-        setpoint,
-        start=drives_from_joints(arm, start),
-        period=period,
-        time_step=plant.time_step(),
-    )
-    first, joints = arm.first_actuated_joint, arm.joints
+    """Commanded legs to the plant's springs; returns their forces, and the lengths asked for."""
     springs = builder.AddNamedSystem("leg_springs", LegSprings(arm, period=plant.time_step()))
+    builder.Connect(command, springs.GetInputPort("leg_command"))
+    builder.Connect(plant.get_state_output_port(model), springs.GetInputPort("joint_state"))
+    return springs.GetOutputPort("leg_force"), springs.GetOutputPort("free_length")
+
+
+def _connect_prismatic_legs(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    arm: SerpentineArm,
+    command: OutputPort,
+) -> tuple[OutputPort, OutputPort]:
+    """Commanded legs to the plant's prismatic ones; returns their forces, and the loops' gaps."""
+    instance = plant.GetModelInstanceByName(legs_name(arm))
+    builder.Connect(command, plant.get_desired_state_input_port(instance))
+    bodies, pins, first = [], make_legs(arm).outer_pin, arm.first_actuated_joint
+    for name, body in zip(arm.actuator_names, arm.bodies[first:], strict=True):
+        ends = plant.GetBodyByName(f"{name}_rod", instance), plant.GetBodyByName(body.name, model)
+        bodies.append([int(end.index()) for end in ends])
+    meter = builder.AddNamedSystem(
+        "loop_gap_meter", LoopGapMeter(bodies, np.stack([np.zeros_like(pins), pins], axis=1))
+    )
+    builder.Connect(plant.get_body_poses_output_port(), meter.GetInputPort("body_poses"))
+    return plant.get_net_actuation_output_port(instance), meter.GetOutputPort("gap")
+
+
+def _add_effort_map(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    arm: SerpentineArm,
+    leg_force: OutputPort,
+) -> OutputPort:
+    """What the base's drives and the legs' forces make at the joints."""
     effort_map = builder.AddNamedSystem("leg_effort_map", LegEffortMap(arm))
-    base = _add_selection(builder, "base_setpoint", moving, slice(0, first))
-    legs = _add_selection(builder, "leg_setpoint", moving, slice(first, joints))
-    state = plant.get_state_output_port(model)
-    builder.Connect(base, plant.get_desired_state_input_port(model))
-    builder.Connect(legs, springs.GetInputPort("leg_command"))
-    builder.Connect(state, springs.GetInputPort("joint_state"))
-    builder.Connect(state, effort_map.GetInputPort("joint_state"))
+    builder.Connect(plant.get_state_output_port(model), effort_map.GetInputPort("joint_state"))
     builder.Connect(
         plant.get_net_actuation_output_port(model), effort_map.GetInputPort("base_effort")
     )
-    builder.Connect(springs.GetOutputPort("leg_force"), effort_map.GetInputPort("leg_force"))
-    return effort_map.GetOutputPort("joint_effort"), springs.GetOutputPort("free_length")
+    builder.Connect(leg_force, effort_map.GetInputPort("leg_force"))
+    effort: OutputPort = effort_map.GetOutputPort("joint_effort")
+    return effort
 
 
 def _add_interpolation(

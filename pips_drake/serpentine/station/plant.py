@@ -20,9 +20,14 @@ from pips_drake.scene.loading import (
     check_anchored,
 )
 from pips_drake.serpentine.arm import SerpentineArm
+from pips_drake.serpentine.legs import lightened
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.sdf import make_sdf
 from pips_drake.serpentine.station.legs import AddLegSprings
+from pips_drake.serpentine.station.prismatic_legs import (
+    AddPrismaticLegs,
+    set_default_leg_positions,
+)
 from pips_drake.serpentine.station.setup import SerpentineSetup, mounting_pose
 from pips_drake.serpentine.systems.actuator_visualizer import AddActuatorVisualizer
 
@@ -82,9 +87,13 @@ def make_plant(
         ),
         builder,
     )
-    model = AddSerpentineArm(plant, setup.arm, mounting_pose(scenario), setup.rail_shift)
+    arm = setup.arm
+    body_arm = lightened(arm) if fidelity == "truss" else arm
+    model = AddSerpentineArm(plant, body_arm, mounting_pose(scenario), setup.rail_shift)
     if fidelity == "leg":
-        AddLegSprings(plant, model, setup.arm)
+        AddLegSprings(plant, model, arm)
+    elif fidelity == "truss":
+        AddPrismaticLegs(plant, model, arm)
     scene = []
     if setup.scene_file is not None:
         scene = AddScene(plant, setup.scene_file, base_frame=BASE_FRAME)
@@ -98,12 +107,15 @@ def make_plant(
     if not home.solved[0]:
         raise InputError(setup.solver.explain(setup.path, home, 0))
     plant.SetDefaultPositions(model, home.joints[0])
+    if fidelity == "truss":  # its legs are bodies and show themselves
+        set_default_leg_positions(plant, arm, home.joints[0])
+        return plant, scene_graph, model
     AddActuatorVisualizer(
         builder,
         plant=plant,
         model=model,
         scene_graph=scene_graph,
-        arm=setup.arm,
+        arm=arm,
         period=visual_period,
     )
     return plant, scene_graph, model

@@ -12,6 +12,7 @@ from pips_drake.serpentine.station.legs import FREE_LENGTH, LegServer
 from pips_drake.serpentine.station.motion import make_profile
 from pips_drake.serpentine.station.plant import make_plant
 from pips_drake.serpentine.station.setup import SerpentineSetup, load_setup
+from pips_drake.serpentine.station.supervision import SUPERVISOR_PORTS, AddMotionSupervisor
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
 from pips_drake.serpentine.systems.follow_the_leader_controller import FollowTheLeaderController
 from pips_drake.serpentine.systems.tip_path_source import TipPathSource
@@ -32,17 +33,20 @@ def MakeSerpentineStation(
     Systems, by name: `plant`, `scene_graph`, `tip_path_source`, `follow_the_leader`,
     `actuator_length_map`, `actuator_servo`, `actuator_angle_map`, `actuator_force_map`,
     `setpoint_hold` (if the plant is discrete), `setpoint_interpolator`, `deflection_compensator`
-    (if compensated), `clearance_monitor`, `actuator_visualizer`; and with a camera `camera_pointer`
-    and `camera_station`.
+    (if compensated), `clearance_monitor`, `actuator_visualizer`, `motion_supervisor` (if enabled);
+    and with a camera `camera_pointer` and `camera_station`.
 
-    Input port: `tip_path_source.command` (1,), optional.
+    Input port: `tip_path_source.command` (1,), optional. With a supervisor it is the operator's,
+    and reaches the source as far as the supervisor lets it.
 
     Output ports, as `<system>.<port>` (each is described at its system): `tip_path_source.tip`,
     `tip_path_source.phase`, `follow_the_leader.joint_state`, `follow_the_leader.solution`,
     `actuator_length_map.drive_state`, `actuator_servo.setpoint`, `actuator_servo.saturation`,
     `actuator_force_map.drive_effort`, `clearance_monitor.clearance`, `clearance_monitor.witness`;
     and of the plant and scene graph `plant.state` (2 J,) of the arm, `plant.net_actuation` (J,),
-    `scene_graph.query`. With a camera also `camera_pointer.joint_state` (2 J,), which the drives
+    `scene_graph.query`. With a supervisor also `motion_supervisor.command`,
+    `motion_supervisor.speed_share`, `motion_supervisor.mode`, `motion_supervisor.cause` and
+    `motion_supervisor.measured`. With a camera also `camera_pointer.joint_state` (2 J,), which the drives
     then follow, `camera_pointer.pan_tilt` (2,), `camera_station.camera_pose`,
     `camera_station.color_image` and `camera_station.depth_image`; for the images the scene graph
     needs a renderer (`AddCameraStation`).
@@ -55,11 +59,19 @@ def MakeSerpentineStation(
     late by none (`integration.scheme`; simulate it with `MakeSimulator`, which knows integrator and
     accuracy).
 
+    From a change of clearance to the plant's answer: at most 1 / clearance_hz until the monitor
+    samples it, 1 / control_hz until the supervisor has decided, and the 3 / control_hz + 2 /
+    plant_hz above (`supervision_latency`; 98 ms by default). At a tip speed v with hold ramp r the
+    arm needs v latency + v^2 / (2 a), a = v / r, to come to rest: v (latency + r / 2), 8.7 mm at 25
+    mm/s by default. The supervisor holds while that much more than its threshold is left.
+
     Fidelities (`actuation.fidelity`): the above is `joint`. With `leg`, `plant.net_actuation` is
     what the springs between the pins make at the joints; `base_setpoint`, `leg_setpoint`,
     `leg_springs` and `leg_effort_map` stand for `actuator_angle_map`; and `leg_springs.free_length`
-    (A,) is a request, which a `LegServer` grants at every step: `MakeSimulator` installs it. The
-    latencies are the same.
+    (A,) is a request, which a `LegServer` grants at every step: `MakeSimulator` installs it. With
+    `truss` the legs are bodies of their own model `<arm>_legs`, which stands for
+    `actuator_visualizer` and `leg_springs`, and `loop_gap_meter.gap` (A,) is how far their loops
+    stand open. The latencies are the same.
 
     Args:
         setup: what the scenario names, if it is loaded already.
@@ -87,6 +99,7 @@ def MakeSerpentineStation(
             make_profile(scenario, setup),
             dwell=motion.dwell_s,
             retract=motion.retract,
+            hold_ramp=scenario.supervisor.hold_ramp_s,
             period=period,
         ),
     )
@@ -137,9 +150,23 @@ def MakeSerpentineStation(
         plant.get_body_spatial_velocities_output_port(),
         monitor.GetInputPort("body_spatial_velocities"),
     )
-    builder.ExportInput(source.GetInputPort("command"), "tip_path_source.command")
+    operator = source.GetInputPort("command")
+    if scenario.supervisor.enabled:
+        supervisor = AddMotionSupervisor(
+            builder,
+            arm=arm,
+            scenario=scenario,
+            source=source,
+            clearance=monitor.GetOutputPort("clearance"),
+            commanded_joint_state=joint_state,
+            joint_state=plant.get_state_output_port(model),
+            drive_effort=actuation.drive_effort,
+        )
+        operator = supervisor.GetInputPort("operator_command")
+    builder.ExportInput(operator, "tip_path_source.command")
     for name in (
         *(CAMERA_PORTS if scenario.camera.enabled else ()),
+        *(SUPERVISOR_PORTS if scenario.supervisor.enabled else ()),
         "tip_path_source.tip",
         "tip_path_source.phase",
         "follow_the_leader.joint_state",
@@ -157,6 +184,8 @@ def MakeSerpentineStation(
     builder.ExportOutput(actuation.joint_effort, "plant.net_actuation")
     if actuation.free_length is not None:
         builder.ExportOutput(actuation.free_length, FREE_LENGTH)
+    if actuation.loop_gap is not None:
+        builder.ExportOutput(actuation.loop_gap, "loop_gap_meter.gap")
     builder.ExportOutput(scene_graph.get_query_output_port(), "scene_graph.query")
     diagram = builder.Build()
     diagram.set_name(STATION)

@@ -20,16 +20,11 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.truss import TUBE_RADIUS, actuator_pins
+from pips_drake.serpentine.legs import make_legs
 from pips_drake.twin.systems.inputs import input_object
 
 #: Tube and rod: red, green, blue, opacity.
-_TUBE_COLOUR, _ROD_COLOUR = (0.80, 0.36, 0.12, 1.0), (0.92, 0.92, 0.95, 1.0)
-#: Radius as a share of the distance from hinge to pin.
-_ROD_RADIUS = 0.024
-#: Length of tube and of rod as a share of the actuator's longest: they overlap at full stroke, and
-#: neither reaches past the other's pin when retracted.
-_PART_LENGTH = 0.52
+TUBE_COLOUR, ROD_COLOUR = (0.80, 0.36, 0.12, 1.0), (0.92, 0.92, 0.95, 1.0)
 
 
 class ActuatorVisualizer(LeafSystem):
@@ -77,7 +72,7 @@ class ActuatorVisualizer(LeafSystem):
         period: float | None = None,
     ) -> None:
         super().__init__()
-        inner_pins, outer_pins = actuator_pins(arm)
+        legs = make_legs(arm)
         bodies = [int(plant.GetBodyByName(body.name, model).index()) for body in arm.bodies]
         first = arm.first_actuated_joint
         self.source_id = scene_graph.RegisterSource("actuator_visualizer")
@@ -86,15 +81,11 @@ class ActuatorVisualizer(LeafSystem):
             tuple[int, RigidTransform, int, RigidTransform, FrameId, FrameId]
         ] = []
         for k, name in enumerate(arm.actuator_names):
-            reach = float(arm.linkage.anchor_inner[k])
-            length = _PART_LENGTH * float(arm.linkage.length_upper[k])
-            tube = self._register(
-                scene_graph, f"{name}_tube", TUBE_RADIUS * reach, length, _TUBE_COLOUR
-            )
-            rod = self._register(
-                scene_graph, f"{name}_rod", _ROD_RADIUS * reach, length, _ROD_COLOUR
-            )
-            inner, outer = RigidTransform(inner_pins[k]), RigidTransform(outer_pins[k])
+            length = float(legs.part_length[k])
+            radii = float(legs.tube_radius[k]), float(legs.rod_radius[k])
+            tube = self._register(scene_graph, f"{name}_tube", radii[0], length, TUBE_COLOUR)
+            rod = self._register(scene_graph, f"{name}_rod", radii[1], length, ROD_COLOUR)
+            inner, outer = RigidTransform(legs.inner_pin[k]), RigidTransform(legs.outer_pin[k])
             j = first + k
             self._actuators.append((bodies[j - 1], inner, bodies[j], outer, tube, rod))
         poses_port = self.DeclareAbstractInputPort(
