@@ -311,6 +311,7 @@ def write_replay(
     model: ModelInstanceIndex,
     time: ArrayLike,
     positions: ArrayLike,
+    more_positions: Mapping[ModelInstanceIndex, ArrayLike] | None = None,
     eye: ArrayLike,
     target: ArrayLike,
     title: str,
@@ -329,6 +330,7 @@ def write_replay(
         model: whose positions were recorded; other models stay at their defaults.
         time: of the recorded positions, ascending, (N,) s.
         positions: (N, model's positions) m and rad.
+        more_positions: of further models that were recorded, likewise.
         eye, target: where the camera stands and looks at first, (3,) m.
         title: of the page.
         note: below the title.
@@ -340,12 +342,16 @@ def write_replay(
         phases: when each begins, s, by name, in order; marked on the time slider.
     """
     recorded = np.asarray(time, dtype=np.float64)
-    q = np.asarray(positions, dtype=np.float64)
-    if recorded.size == 0 or q.shape != (recorded.size, plant.num_positions(model)):
-        raise InputError(
-            f"{file.name}: time of shape {recorded.shape}, positions of shape {q.shape}; "
-            f"must be (N > 0,) and (N, {plant.num_positions(model)})"
-        )
+    motions = {
+        moved: np.asarray(values, dtype=np.float64)
+        for moved, values in {model: positions, **(more_positions or {})}.items()
+    }
+    for moved, q in motions.items():
+        if recorded.size == 0 or q.shape != (recorded.size, plant.num_positions(moved)):
+            raise InputError(
+                f"{file.name}: time of shape {recorded.shape}, positions of shape {q.shape}; "
+                f"must be (N > 0,) and (N, {plant.num_positions(moved)})"
+            )
     context = diagram.CreateDefaultContext()
     plant_context = plant.GetMyMutableContextFromRoot(context)
     query_port = plant.get_geometry_query_input_port()
@@ -357,7 +363,8 @@ def write_replay(
     count = 1 + int(np.ceil((recorded[-1] - recorded[0]) * sample_rate - 1e-9))
     for wanted in recorded[0] + np.arange(count) / sample_rate:
         nearest = int(np.argmin(np.abs(recorded - wanted)))
-        plant.SetPositions(plant_context, model, q[nearest])
+        for moved, q in motions.items():
+            plant.SetPositions(plant_context, moved, q[nearest])
         replay.add_sample(query_port.Eval(plant_context))
     replay.write(
         file,

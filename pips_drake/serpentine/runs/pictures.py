@@ -15,7 +15,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.scenario import SerpentineScenario
-from pips_drake.serpentine.station import SerpentineSetup, arm_pose, make_plant, mounting_pose
+from pips_drake.serpentine.station import (
+    SerpentineSetup,
+    arm_pose,
+    legs_name,
+    make_plant,
+    mounting_pose,
+)
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.twin.camera import PinholeCamera
 from pips_drake.twin.figures import COLORS, figure_style, new_figure, save_figure
@@ -253,6 +259,7 @@ def write_run_replay(
     title: str,
     time: ArrayLike,
     joints: ArrayLike,
+    legs: ArrayLike | None = None,
     bookmarks: Sequence[Bookmark] = (),
     phases: Mapping[str, float] | None = None,
     note: str = "",
@@ -261,11 +268,16 @@ def write_run_replay(
     """Writes recorded joints (N, joints) m and rad at times (N,) s as a 3-D page with the path.
 
     Args:
+        legs: recorded positions of the legs, (N, 3 A), in the fidelity `truss`: they then move as
+            they did; otherwise actuators are drawn from pin to pin.
         bookmarks, phases: see `run_bookmarks` and `run_phases`.
         note: below the title.
         seen: coloured patches of what the camera has seen.
     """
-    diagram, plant, scene_graph, model = _make_posed(scenario, setup, rendered=False)
+    diagram, plant, scene_graph, model = _make_posed(
+        scenario, setup, rendered=False, fidelity="joint" if legs is None else "truss"
+    )
+    more = {} if legs is None else {plant.GetModelInstanceByName(legs_name(setup.arm)): legs}
     context = diagram.CreateDefaultContext()
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
     corners = corner_points(query)
@@ -282,6 +294,7 @@ def write_run_replay(
         model=model,
         time=time,
         positions=joints,
+        more_positions=more,
         eye=eye,
         target=target,
         title=title,
@@ -294,11 +307,15 @@ def write_run_replay(
 
 
 def _make_posed(
-    scenario: SerpentineScenario, setup: SerpentineSetup, *, rendered: bool
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    *,
+    rendered: bool,
+    fidelity: str = "joint",
 ) -> tuple[Diagram, MultibodyPlant, SceneGraph, ModelInstanceIndex]:
     """A plant that is posed and looked at, not simulated."""
     builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, scenario)
+    plant, scene_graph, model = make_plant(builder, setup, scenario, fidelity=fidelity)
     if rendered:
         add_renderer(scene_graph)
     return builder.Build(), plant, scene_graph, model

@@ -23,6 +23,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pips_drake.errors import NotFollowableError
+from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import drive_columns, effort_columns
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import figures
@@ -57,6 +58,7 @@ from pips_drake.serpentine.station import (
     SerpentineSetup,
     load_setup,
     make_plant,
+    plant_time_step,
 )
 from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion
 from pips_drake.twin.output_folder import output_folder, write_whole
@@ -97,12 +99,26 @@ class RunDiagram:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LegData:
+    """What was recorded of legs that are bodies.
+
+    Attributes:
+        positions: of their model, (N, 3 A).
+        gaps: of the loops that they close, (N, A) m.
+    """
+
+    positions: Array
+    gaps: Array
+
+
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """A finished run: the station, what it recorded, and how long it took.
 
     Attributes:
         motion: of the plant, at every instant.
         pan_tilt: of the camera at the data's times, (N, 2) rad; None without a camera.
+        legs: at the data's times; None but with the fidelity `truss`.
     """
 
     diagram: Diagram
@@ -111,6 +127,7 @@ class Run:
     motion: RecordedMotion
     run_time: RunTime
     pan_tilt: Array | None = None
+    legs: LegData | None = None
 
 
 def simulate(
@@ -196,7 +213,12 @@ def make_run_diagram(
     period = 1.0 / scenario.clocks.record_hz
     logs: dict[str, VectorLogSink] = {}
     camera = ("camera_pointer.joint_state", "camera_pointer.pan_tilt")
-    for port in _LOGGED + (camera if scenario.camera.enabled else ()):
+    legs = ("plant.legs_state", "loop_gap_meter.gap")
+    for port in (
+        *_LOGGED,
+        *(camera if scenario.camera.enabled else ()),
+        *(legs if scenario.actuation.fidelity == "truss" else ()),
+    ):
         logs[port] = LogVectorOutput(station.GetOutputPort(port), builder, period)
         logs[port].set_name(f"log.{port}")
     recorder = MotionRecorder(
@@ -261,7 +283,12 @@ def run_station(
         pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
         solution=rows["follow_the_leader.solution"],
     )
+    legs = None
+    if "plant.legs_state" in rows:
+        state, gaps = rows["plant.legs_state"], rows["loop_gap_meter.gap"]
+        legs = LegData(positions=state[:, : state.shape[1] // 2], gaps=gaps)
     return Run(
+        legs=legs,
         diagram=built.diagram,
         station=station,
         data=data,
@@ -309,6 +336,7 @@ def _simulate_into(
         title=f"{name}: {setup.arm.name} on {setup.path.name}",
         time=run.data.time,
         joints=run.data.joints,
+        legs=None if run.legs is None else run.legs.positions,
         bookmarks=run_bookmarks(assessment),
         phases=run_phases(run.data, setup.path),
         note="" if film is None else film.note,
@@ -325,11 +353,16 @@ def _simulate_into(
             "simulated_s": run.run_time.simulated_s,
             "wall_s": run.run_time.wall_s,
             "real_time_rate": run.run_time.real_time_rate,
+            "actuation_fidelity": scenario.actuation.fidelity,
             "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
             "cycle_completed": scenario.duration_s <= 0.0
             or run.run_time.simulated_s < scenario.duration_s,
         }
     )
+    if run.legs is not None:
+        _write_gaps(folder, setup.arm, run.data.time, run.legs.gaps)
+        step = plant_time_step(scenario)
+        summary |= {"loop_gap_max_m": run.legs.gaps.max(), "plant_step_s": step}
     if film is not None:
         summary |= film.summary
     if no_pictures is not None:
@@ -417,6 +450,12 @@ def _write_series(folder: Path, assessment: Assessment) -> None:
     ):
         series = Series(time=data.time, values=values, columns=columns)
         write_csv(series, folder / f"{name}.csv")
+
+
+def _write_gaps(folder: Path, arm: SerpentineArm, time: Array, gaps: Array) -> None:
+    """How far the legs' loops stood open."""
+    columns = tuple(f"{name}_gap_m" for name in arm.actuator_names)
+    write_csv(Series(time=time, values=gaps, columns=columns), folder / "loop_gaps.csv")
 
 
 def _write_run_figures(

@@ -20,6 +20,12 @@ from pips_drake.serpentine.station.plant import (
     make_plant,
     plant_time_step,
 )
+from pips_drake.serpentine.station.prismatic_legs import (
+    AddPrismaticLegs,
+    legs_name,
+    set_default_leg_positions,
+    set_leg_positions,
+)
 from pips_drake.serpentine.station.setup import (
     SerpentineSetup,
     arm_pose,
@@ -40,6 +46,7 @@ __all__ = [
     "AddCameraPointer",
     "AddCameraStation",
     "AddLegSprings",
+    "AddPrismaticLegs",
     "AddSerpentineArm",
     "LegServer",
     "MakeSerpentineStation",
@@ -48,6 +55,7 @@ __all__ = [
     "arm_pose",
     "camera_target",
     "gravity_in_frame_0",
+    "legs_name",
     "load_setup",
     "make_camera",
     "make_constant_profile",
@@ -56,4 +64,6 @@ __all__ = [
     "make_profile",
     "mounting_pose",
     "plant_time_step",
+    "set_default_leg_positions",
+    "set_leg_positions",
 ]

@@ -11,6 +11,7 @@ from pips_drake.serpentine.station.camera import CAMERA_PORTS, AddCameraPointer,
 from pips_drake.serpentine.station.legs import FREE_LENGTH, LegServer
 from pips_drake.serpentine.station.motion import make_profile
 from pips_drake.serpentine.station.plant import make_plant
+from pips_drake.serpentine.station.prismatic_legs import legs_name
 from pips_drake.serpentine.station.setup import SerpentineSetup, load_setup
 from pips_drake.serpentine.station.supervision import SUPERVISOR_PORTS, AddMotionSupervisor
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
@@ -70,8 +71,8 @@ def MakeSerpentineStation(
     `leg_springs` and `leg_effort_map` stand for `actuator_angle_map`; and `leg_springs.free_length`
     (A,) is a request, which a `LegServer` grants at every step: `MakeSimulator` installs it. With
     `truss` the legs are bodies of their own model `<arm>_legs`, which stands for
-    `actuator_visualizer` and `leg_springs`, and `loop_gap_meter.gap` (A,) is how far their loops
-    stand open. The latencies are the same.
+    `actuator_visualizer` and `leg_springs`; `plant.legs_state` (6 A,) is theirs, and
+    `loop_gap_meter.gap` (A,) is how far their loops stand open. The latencies are the same.
 
     Args:
         setup: what the scenario names, if it is loaded already.
@@ -185,6 +186,8 @@ def MakeSerpentineStation(
     if actuation.free_length is not None:
         builder.ExportOutput(actuation.free_length, FREE_LENGTH)
     if actuation.loop_gap is not None:
+        legs = plant.GetModelInstanceByName(legs_name(arm))
+        builder.ExportOutput(plant.get_state_output_port(legs), "plant.legs_state")
         builder.ExportOutput(actuation.loop_gap, "loop_gap_meter.gap")
     builder.ExportOutput(scene_graph.get_query_output_port(), "scene_graph.query")
     diagram = builder.Build()
