@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import os
 import re
 import shutil
@@ -39,10 +41,13 @@ def remove_stale_numba_caches(package: Path) -> None:
     whose functions it calls (or whose constants it froze) would go unnoticed.
     """
     caches = [*package.rglob("*.nbi"), *package.rglob("*.nbc")]
-    if not caches:
-        return
+    oldest = math.inf
+    for file in caches:
+        # Another run, started at the same time, may have deleted it.
+        with contextlib.suppress(FileNotFoundError):
+            oldest = min(oldest, file.stat().st_mtime)
     newest_module = max(file.stat().st_mtime for file in package.rglob("*.py"))
-    if newest_module > min(file.stat().st_mtime for file in caches):
+    if newest_module > oldest:
         for file in caches:
             file.unlink(missing_ok=True)
 
