@@ -51,8 +51,8 @@ class SupervisorConfig:
     patience_s: float = 5.0
     # Share of the path's speeds at which it goes back by itself.
     safe_speed_fraction: float = 0.5
-    # A run that is not where it should be when its time is over may take this much longer, s.
-    overtime_s: float = 900.0
+    # A run that is held may take this much longer than its path and a retraction of it need, s.
+    overtime_s: float = 60.0
 
     def validate(self) -> None:
         for name in (

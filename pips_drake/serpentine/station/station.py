@@ -47,8 +47,8 @@ def MakeSerpentineStation(
     and of the plant and scene graph `plant.state` (2 J,) of the arm, `plant.net_actuation` (J,),
     `scene_graph.query`. With a supervisor also `motion_supervisor.command`,
     `motion_supervisor.speed_share`, `motion_supervisor.mode`, `motion_supervisor.cause` and
-    `motion_supervisor.measured`. With a camera also `camera_pointer.joint_state` (2 J,), which the drives
-    then follow, `camera_pointer.pan_tilt` (2,), `camera_station.camera_pose`,
+    `motion_supervisor.measured`. With a camera also `camera_pointer.joint_state` (2 J,), which the
+    drives then follow, `camera_pointer.pan_tilt` (2,), `camera_station.camera_pose`,
     `camera_station.color_image` and `camera_station.depth_image`; for the images the scene graph
     needs a renderer (`AddCameraStation`).
 
