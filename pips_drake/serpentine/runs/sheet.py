@@ -85,8 +85,13 @@ def _rows(summary: Mapping[str, Any], checks: CheckConfig) -> list[SheetRow]:
     least = checks.clearance_min_mm
     add("clearance_sampled_min_m", f"clearance to the scene{'' if clear else ', over'}", 1e3, "mm",
         least, None)  # fmt: skip
+    proved = "the same, proved at every instant"
+    add("clearance_certified_min_m", proved, 1e3, "mm", least, None)
+    add("clearance_certified_min_with_errors_m", "the same, if the joints are off", 1e3, "mm",
+        None, None)  # fmt: skip
     own = checks.self_clearance_min_mm
     add("self_clearance_sampled_min_m", "clearance to itself and its rail", 1e3, "mm", own, None)
+    add("self_clearance_certified_min_m", proved, 1e3, "mm", own, None)
     track = checks.tracking_error_max_mm
     add("tip_error_max_m", "tip to plan", 1e3, "mm", None, track)
     if "tip_error_max_m" in summary:
