@@ -103,9 +103,13 @@ def read_problems(
     own: list[tuple[GeometryId, GeometryId]] = []
     candidates = inspector.GetCollisionCandidates() if pairs is None else pairs
     for first, second in sorted(candidates, key=lambda pair: tuple(g.get_value() for g in pair)):
-        if first not in owner or second not in owner:
-            continue
-        count = owner[first][1] + owner[second][1]
+        count = sum(geometry in owner and owner[geometry][1] for geometry in (first, second))
+        for geometry in (first, second):
+            if count and geometry not in owner:
+                raise InputError(
+                    f"{inspector.GetName(geometry)} may collide with the robot and is not the "
+                    "plant's; where it is over time is not known"
+                )
         if count == 1:
             scene.append((first, second) if owner[first][1] else (second, first))
         elif count == 2:

@@ -32,6 +32,8 @@ LONGEST_SPAN = 64
 #: is there. Only bodies that touch along a changing feature come near.
 NARROWEST = 2.0**-14
 _CLOSED = 3
+#: Distances after which a search gives up, and says that its bounds are not tight.
+MOST_QUERIES = 20_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +150,7 @@ class _Search:
             open_spans = np.flatnonzero(self.low < self.best - self.tolerance)
             narrow = self.end[open_spans] - self.start[open_spans] < NARROWEST
             open_spans = open_spans[~narrow & (self.stage[open_spans] < _CLOSED)]
-            if not len(open_spans):
+            if not len(open_spans) or self.queries >= MOST_QUERIES:
                 return
             long = self.last[open_spans] - self.first[open_spans] > 1
             whole = ~long & (self.stage[open_spans] == 0)
