@@ -36,8 +36,8 @@ def find_systems() -> dict[str, type[LeafSystem]]:
 
 
 SYSTEMS = find_systems()
-#: J in the docstrings: joints of the arm that `arguments` has.
-JOINTS = 18
+#: J and A in the docstrings: joints and actuators of the arm that `arguments` has.
+COUNTS = {"": 1, "J": 18, "A": 16}
 
 
 def arguments() -> dict[str, object]:
@@ -48,11 +48,14 @@ def arguments() -> dict[str, object]:
     plant.Finalize()
     return {
         "arm": arm,
+        "bodies": [[1, 2]] * COUNTS["A"],
         "body_index": 1,
         "gravity": [0.0, 0.0, -9.81],
         "model": model,
         "path": load_path("trajectory_4"),
+        "period": 1.0 / 512.0,
         "plant": plant,
+        "points": [[[0.0, 0.0, 0.0]] * 2] * COUNTS["A"],
         "profile": RestToRestProfile.make(travel=1.0, speed=0.1, ramp=1.0),
         "robot": [model],
         "scene_graph": scene_graph,
@@ -117,6 +120,6 @@ def test_each_port_has_one_line_with_its_true_size(name):
         if port.get_data_type() == PortDataType.kAbstractValued:
             assert line.startswith(": abstract ")
         else:
-            shape = re.match(r", \((\d*) ?(J?),\):", line)
+            shape = re.match(r", \((\d*) ?([JA]?),\):", line)
             assert shape, f"{name}.{port.get_name()} must state its shape, such as (2 J,)"
-            assert int(shape[1] or 1) * (JOINTS if shape[2] else 1) == port.size()
+            assert int(shape[1] or 1) * COUNTS[shape[2]] == port.size()

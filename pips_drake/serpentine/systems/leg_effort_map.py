@@ -25,7 +25,7 @@ class LegEffortMap(LeafSystem):
     Input ports:
 
     - `joint_state`, (2 J,): joint values, m and rad, and their rates (not used).
-    - `base_effort`, (J - A,): of the drives that act on their joints directly, N and Nm.
+    - `base_effort`, (2,): of the drives that act on their joints directly, N and Nm.
     - `leg_force`, (A,): of the actuators, N; a pushing one is positive.
 
     Output port, with feedthrough:

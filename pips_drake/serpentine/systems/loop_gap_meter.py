@@ -30,14 +30,15 @@ class LoopGapMeter(LeafSystem):
 
     Output port, with feedthrough:
 
-    - `gap`, (N,): of each pair, m. Drake's constraints are softened by as much as a step of the
-      plant needs to stay solvable: the gap is what is left, in proportion to the force across it.
+    - `gap`, (A,): of each pair, m; a pair an actuator. Drake softens constraints by as much as a
+      step of the plant needs to stay solvable: the gap is what is left, in proportion to the force
+      across it and to the square of the step.
 
     State: none.
 
     Args:
-        bodies: of each pair, (N, 2) indices of plant bodies.
-        points: in those bodies' frames, (N, 2, 3) m.
+        bodies: of each pair, (A, 2) indices of plant bodies.
+        points: in those bodies' frames, (A, 2, 3) m.
     """
 
     def __init__(self, bodies: ArrayLike, points: ArrayLike) -> None:
