@@ -45,11 +45,18 @@ def test_a_path_that_cannot_be_followed_exits_1_and_its_folder_shows_where(
         "machine: serpentine\npath: hard.csv\ncorner_deviation_in: 0\n"
     )
     shown: list[dict[str, Any]] = []
-    for name in ("joint_values_figure", "iterations_figure", "path_figure", "failure_figure"):
+    for name in (
+        "figures.joint_values_figure",
+        "figures.iterations_figure",
+        "path_figures.path_figure",
+        "path_figures.failure_figure",
+    ):
         # Pictures are drawn once for all commands, below; here counts what they would show.
         monkeypatch.setattr(
-            f"pips_drake.serpentine.runs.figures.{name}",
-            lambda file, *args, name=name, **kwargs: shown.append({"name": name, "args": args}),
+            f"pips_drake.serpentine.runs.{name}",
+            lambda file, *args, name=name, **kwargs: shown.append(
+                {"name": name.partition(".")[2], "args": args}
+            ),
         )
     option = {
         "follow": ["hard.csv"],

@@ -15,7 +15,7 @@ from pips_drake.serpentine.drives import drive_efforts, drive_limits, levers
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.plan import Plan, make_plan, tip_samples
-from pips_drake.serpentine.runs import figures
+from pips_drake.serpentine.runs import figures, path_figures
 from pips_drake.serpentine.scenario import check_solver
 from pips_drake.twin.output_folder import output_folder
 from pips_drake.twin.recording import Series, write_csv
@@ -126,7 +126,7 @@ def write_plan_figures(folder: Path, plan: Plan) -> None:
         # NaN, which is not drawn, where there is no posture at all.
         failing_posture = FollowTheLeader(arm).solve(path, plan.first_failing_tip).joints[0]
         near = plan.first_failing_tip + np.linspace(-2.0, 2.0, 801)
-        figures.failure_figure(
+        path_figures.failure_figure(
             folder / "failure.png",
             arm,
             path.point(np.clip(near, 0.0, path.length)),
@@ -135,7 +135,7 @@ def write_plan_figures(folder: Path, plan: Plan) -> None:
             plan.failures,
             table_points=path.point(path.marks),
         )
-    figures.path_figure(
+    path_figures.path_figure(
         folder / "path.png",
         arm,
         path.point(np.linspace(0.0, path.length, 400)),

@@ -13,7 +13,7 @@ import pytest
 from pips_drake.serpentine.arm import SerpentineArm, load_arm
 from pips_drake.serpentine.follow_the_leader import REPORT_TOLERANCE, FollowTheLeader, Solution
 from pips_drake.serpentine.path_file import load_path
-from pips_drake.serpentine.runs import figures
+from pips_drake.serpentine.runs import figures, path_figures
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.units import INCH
 
@@ -24,7 +24,8 @@ NOWHERE = Path("a.png")
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[mpl.figure.Figure]:
     """The figures instead of files."""
     found: list[mpl.figure.Figure] = []
-    monkeypatch.setattr(figures, "save_figure", lambda figure, file: found.append(figure))
+    for module in (figures, path_figures):
+        monkeypatch.setattr(module, "save_figure", lambda figure, file: found.append(figure))
     return found
 
 
@@ -152,7 +153,7 @@ def test_actuators_name_the_worst(
 def test_the_path_stands_in_views_of_one_scale(
     drawn: list[mpl.figure.Figure], arm: SerpentineArm, path: TipPath, solution: Solution
 ) -> None:
-    figures.path_figure(
+    path_figures.path_figure(
         NOWHERE,
         arm,
         path.point(np.linspace(0.0, path.length, 300)),
@@ -187,7 +188,7 @@ def test_a_path_aside_is_seen_from_above_too_and_shows_where_it_fails(
     """FTL-95's trajectory 1 lies in the plane of y and z: two views would show a line."""
     aside = load_path("trajectory_1")
     tip = aside.point(5.0)
-    figures.path_figure(
+    path_figures.path_figure(
         NOWHERE,
         arm,
         aside.point(np.linspace(0.0, aside.length, 300)),
@@ -198,7 +199,7 @@ def test_a_path_aside_is_seen_from_above_too_and_shows_where_it_fails(
     said = check_layout(drawn[0])
     assert "seen along x0" in said
     assert "cannot be followed from this tip on" in said
-    assert figures.FAILING not in said
+    assert path_figures.FAILING not in said
     scales = []
     for axes, (across, up) in zip(drawn[0].axes, ((2, 0), (1, 0), (2, 1)), strict=True):
         (mark,) = (line for line in axes.lines if line.get_marker() == "X")
@@ -213,7 +214,7 @@ def test_the_first_failure_stands_in_the_middle_with_what_is_wrong(
 ) -> None:
     tip = path.point(path.length)
     sentences = [f"joint theta{j} leaves its limits " + "and so on " * 20 for j in range(3, 9)]
-    figures.failure_figure(
+    path_figures.failure_figure(
         NOWHERE,
         arm,
         path.point(np.linspace(path.length - 1.0, path.length, 50)),
