@@ -35,7 +35,7 @@ class LegSprings(LeafSystem):
 
     - `free_length`, (A,): m, with feedthrough of the command: a request, which only the plant's
       owner can grant (`station.legs.LegServer`), at the plant's next step.
-    - `leg_force`, (A,): N, a pushing actuator is positive; with feedthrough of the joint state.
+    - `leg_force`, (A,): N, a pushing actuator is positive; with feedthrough of the joint state alone.
 
     State, discrete, updated every `period` s and at initialization: the free lengths (A,), m, with
     which the plant makes its present step.
@@ -65,7 +65,15 @@ class LegSprings(LeafSystem):
             self._calc_free_length,
             prerequisites_of_calc={self.input_port_ticket(command_port.get_index())},
         )
-        self.DeclareVectorOutputPort("leg_force", self._legs, self._calc_leg_force)
+        self.DeclareVectorOutputPort(
+            "leg_force",
+            self._legs,
+            self._calc_leg_force,
+            prerequisites_of_calc={
+                self.input_port_ticket(joint_port.get_index()),
+                self.xd_ticket(),
+            },
+        )
         self.DeclareInitializationDiscreteUpdateEvent(self._update)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
