@@ -52,14 +52,19 @@ def advance(
     *,
     label: str = "simulating",
     watch: Callable[[Context], None] | None = None,
+    finished: Callable[[Context], bool] | None = None,
+    latest: float = 0.0,
 ) -> RunTime:
-    """Initializes a simulator and advances it by `duration` s.
+    """Initializes a simulator and advances it by `duration` s, or until it is `finished`.
 
     A progress bar appears when standard error is a terminal. Every `STRIDE` the state is looked at:
     Drake goes on with NaN without a word.
 
     Args:
         watch: called with the root context as often, and at the end.
+        finished: asked with the root context as often, after `watch`: says when the run is over,
+            before or after `duration`.
+        latest: when a run that is not `finished` ends nevertheless, s; not before `duration`.
 
     Raises:
         DivergedError: the state is not finite.
@@ -74,16 +79,21 @@ def advance(
         disable=not sys.stderr.isatty(),
         bar_format="{l_bar}{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}<{remaining}]",
     ) as bar:
-        done = 0.0
-        while done < duration:
-            step = min(STRIDE, duration - done)
-            done = min(done + step, duration)
+        done, end = 0.0, duration
+        while done < end:
+            step = min(STRIDE, end - done)
+            done = min(done + step, end)
             simulator.AdvanceTo(start + done)
             bar.update(step)
             if watch is not None:
                 watch(simulator.get_mutable_context())
             _check_finite(simulator)
-    return RunTime(simulated_s=duration, wall_s=time.perf_counter() - begin)
+            if finished is not None:
+                if finished(simulator.get_context()):
+                    break
+                if done >= end and end < latest:
+                    end = bar.total = latest
+    return RunTime(simulated_s=done, wall_s=time.perf_counter() - begin)
 
 
 def _check_finite(simulator: Simulator) -> None:

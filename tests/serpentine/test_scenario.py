@@ -52,6 +52,23 @@ clocks:
 integration:
   scheme: radau3
   accuracy: 1.0e-6
+supervisor:
+  enabled: false
+  hold_clearance_mm: 22.0
+  resume_clearance_mm: 30.0
+  retract_clearance_mm: 12.0
+  own_hold_clearance_mm: 6.0
+  own_resume_clearance_mm: 9.0
+  tracking_hold_mm: 30.0
+  tracking_resume_mm: 20.0
+  force_fraction_hold: 0.9
+  force_fraction_resume: 0.7
+  closing_speed_mm_per_s: 2.0
+  give_way_mm: 4.0
+  hold_ramp_s: 0.75
+  patience_s: 3.0
+  safe_speed_fraction: 0.25
+  overtime_s: 30.0
 checks:
   clearance_min_mm: 30.0
   self_clearance_min_mm: 12.0
@@ -201,6 +218,12 @@ BAD = {
     MINIMAL + "integration: {scheme: rk4}": "integration.scheme = rk4; must be discrete or radau3",
     MINIMAL + "integration: {accuracy: 0}": "integration.accuracy = 0.0; must be 1e-10 .. 0.01",
     MINIMAL + "checks: {force_fraction_max: 0}": "checks.force_fraction_max = 0.0; must be > 0",
+    MINIMAL + "supervisor: {hold_clearance_mm: 25}": (
+        "supervisor.resume_clearance_mm = 25.0; must be > hold_clearance_mm (25)"
+    ),
+    MINIMAL + "supervisor: {resume_clearance_mm: 600}": (
+        "clearance_range_m = 0.5; must be > supervisor.resume_clearance_mm"
+    ),
     MINIMAL + "view: {direction: [0, 0, 0]}": "direction = [0.0, 0.0, 0.0]; must be three numbers",
     MINIMAL + "camera: {width: 321}": "camera.width = 321; must be even and > 0",
     MINIMAL + "camera: {fps: 0}": "camera.fps = 0; must be > 0",

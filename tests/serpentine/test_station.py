@@ -115,8 +115,14 @@ def test_every_documented_port_is_exported_and_no_other(shipped):
 @pytest.mark.parametrize("camera", [True, False])
 @pytest.mark.parametrize("compensate", [True, False])
 def test_every_documented_system_is_there_by_name_and_no_other(compensate, camera):
+    # Both ways of the supervisor in the same four stations.
+    supervised = compensate == camera
     station = MakeSerpentineStation(
-        scenario(actuation__compensate_deflection=compensate, camera__enabled=camera)
+        scenario(
+            actuation__compensate_deflection=compensate,
+            camera__enabled=camera,
+            supervisor__enabled=supervised,
+        )
     )
     text = MakeSerpentineStation.__doc__.split("Systems, by name:")[1].split("Input port")[0]
     names = set(re.findall(r"`(\w+)`", text))
@@ -124,6 +130,8 @@ def test_every_documented_system_is_there_by_name_and_no_other(compensate, camer
         names.remove("deflection_compensator")
     if not camera:
         names -= {"camera_pointer", "camera_station"}
+    if not supervised:
+        names.remove("motion_supervisor")
     assert {system.get_name() for system in station.GetSystems()} == names
     assert station.get_name() == "serpentine_station"
 
@@ -137,6 +145,8 @@ def test_port_sizes_are_those_documented(shipped):
         "actuator_force_map.drive_effort": 18,
         "clearance_monitor.clearance": 3,
         "clearance_monitor.witness": 7,
+        "motion_supervisor.command": 1,
+        "motion_supervisor.measured": 9,
         "plant.state": 36,
         "plant.net_actuation": 18,
     }

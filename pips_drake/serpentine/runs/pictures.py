@@ -14,6 +14,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
+from pips_drake.serpentine.runs.supervised import RunDecision
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
     SerpentineSetup,
@@ -47,6 +48,8 @@ SIZE = (1600, 1000)
 MOMENT_DISTANCE = 2.2
 #: Of the line between nearest points.
 NEAREST_COLOR = (0.902, 0.0, 0.494)
+#: A run that is held again and again has more decisions than a page has room for.
+MOST_DECISIONS = 6
 #: Points at which a path is drawn.
 PATH_POINTS = 300
 
@@ -221,8 +224,12 @@ def _unhidden_view(query: QueryObject, witness: Array, wanted: Array) -> RigidTr
     return best
 
 
-def run_bookmarks(assessment: Assessment) -> list[Bookmark]:
-    """Moments of a run that one wants to see: tightest, first contact, at the path's end."""
+def run_bookmarks(assessment: Assessment, decisions: Sequence[RunDecision] = ()) -> list[Bookmark]:
+    """Moments of a run that one wants to see: tightest, first contact, at the path's end.
+
+    Args:
+        decisions: of the supervisor; the first `MOST_DECISIONS` are moments too.
+    """
     data, found = assessment.data, []
     moments = {}
     if data.clearance.min() < 0.0:
@@ -237,6 +244,8 @@ def run_bookmarks(assessment: Assessment) -> list[Bookmark]:
     arrived = run_phases(data, assessment.path).get("dwell")
     if arrived is not None:
         found.append(Bookmark(label="end of path", time=arrived))
+    for decision in decisions[:MOST_DECISIONS]:
+        found.append(Bookmark(label=decision.label, time=decision.time))
     return found
 
 

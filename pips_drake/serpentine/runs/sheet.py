@@ -19,6 +19,8 @@ _PICTURES = (
     ("tracking.png", "simulated spine against the plan"),
     ("joints.png", "joints"),
 )
+#: A sheet has room for few of a supervisor's decisions.
+MOST_DECISIONS = 4
 
 
 def write_run_sheet(
@@ -109,5 +111,12 @@ def _rows(summary: Mapping[str, Any], checks: CheckConfig) -> list[SheetRow]:
     add("drive_effort_max_fraction", f"drive force{f' ({drive})' if drive else ''}", 100.0, "%",
         None, force)  # fmt: skip
     add("drive_speed_max_fraction", "drive speed", 100.0, "%", None, speed)
+    decisions = summary.get("supervisor_decisions", [])
+    for decision in decisions[:MOST_DECISIONS]:
+        cause = "" if decision["cause"] == "none" else f" ({decision['cause'].replace('_', ' ')})"
+        label, what = f"supervisor at {decision['time_s']:.1f} s", f"{decision['to']}{cause}"
+        rows.append(SheetRow(label=label, value=what, good=decision["to"] == "permit"))
+    if len(decisions) > MOST_DECISIONS:
+        rows.append(SheetRow(label="supervisor", value=f"{len(decisions)} decisions", good=False))
     add("seen_fraction", "payload's surface seen", 100.0, "%", None, None)
     return rows

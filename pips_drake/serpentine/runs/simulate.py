@@ -50,6 +50,7 @@ from pips_drake.serpentine.runs.scene_report import (
     without_lost_target,
 )
 from pips_drake.serpentine.runs.sheet import write_run_sheet
+from pips_drake.serpentine.runs.supervised import RunEnd, Supervised, log_supervisor, read_log
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
     VISUAL_PERIOD,
@@ -87,7 +88,8 @@ class RunDiagram:
 
     Attributes:
         logs: by the names of the station's ports.
-        duration: from start to end, s.
+        duration: from start to end, s, unless a supervisor intervenes.
+        end: says when a run is over.
         recorder: of the plant's motion.
     """
 
@@ -95,6 +97,7 @@ class RunDiagram:
     station: Diagram
     logs: dict[str, VectorLogSink]
     duration: float
+    end: RunEnd
     recorder: MotionRecorder
 
 
@@ -119,6 +122,7 @@ class Run:
         motion: of the plant, at every instant.
         pan_tilt: of the camera at the data's times, (N, 2) rad; None without a camera.
         legs: at the data's times; None but with the fidelity `truss`.
+        supervised: what the supervisor decided; None without one.
     """
 
     diagram: Diagram
@@ -128,6 +132,7 @@ class Run:
     run_time: RunTime
     pan_tilt: Array | None = None
     legs: LegData | None = None
+    supervised: Supervised | None = None
 
 
 def simulate(
@@ -221,6 +226,8 @@ def make_run_diagram(
     ):
         logs[port] = LogVectorOutput(station.GetOutputPort(port), builder, period)
         logs[port].set_name(f"log.{port}")
+    decisions = log_supervisor(builder, station, scenario)
+    logs |= decisions
     recorder = MotionRecorder(
         builder,
         station.GetOutputPort("plant.state"),
@@ -242,7 +249,12 @@ def make_run_diagram(
     if scenario.duration_s > 0.0:
         duration = min(duration, scenario.duration_s)
     return RunDiagram(
-        diagram=diagram, station=station, logs=logs, duration=duration, recorder=recorder
+        diagram=diagram,
+        station=station,
+        logs=logs,
+        duration=duration,
+        end=RunEnd(station, decisions.get("motion_supervisor.mode"), scenario, duration),
+        recorder=recorder,
     )
 
 
@@ -262,7 +274,14 @@ def run_station(
     built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm)
     station = built.station
     simulator = MakeSimulator(built.diagram, scenario)
-    run_time = advance(simulator, built.duration, label=label, watch=built.recorder.collect)
+    run_time = advance(
+        simulator,
+        built.duration,
+        label=label,
+        watch=built.recorder.collect,
+        finished=built.end,
+        latest=built.end.latest,
+    )
     context = simulator.get_context()
     recorded = {port: log.FindLog(context) for port, log in built.logs.items()}
     monitor = station.GetSubsystemByName("clearance_monitor")
@@ -287,7 +306,20 @@ def run_station(
     if "plant.legs_state" in rows:
         state, gaps = rows["plant.legs_state"], rows["loop_gap_meter.gap"]
         legs = LegData(positions=state[:, : state.shape[1] // 2], gaps=gaps)
+    supervised = None
+    if scenario.supervisor.enabled:
+        mine = station.GetMyContextFromRoot(context)
+        supervised = Supervised(
+            arm=setup.arm,
+            config=scenario.supervisor,
+            log=read_log(built.logs, context, scenario.clocks),
+            stopping_time=station.GetSubsystemByName("motion_supervisor").thresholds.stopping_time,
+            data=data,
+            phase=float(station.GetOutputPort("tip_path_source.phase").Eval(mine)[0]),
+            whole=scenario.duration_s <= 0.0,
+        )
     return Run(
+        supervised=supervised,
         legs=legs,
         diagram=built.diagram,
         station=station,
@@ -319,7 +351,7 @@ def _simulate_into(
         data=run.data,
         clearance_range=scenario.clearance_range_m,
     )
-    sagging = None
+    supervised, sagging = run.supervised, None
     if scenario.actuation.show_uncompensated and scenario.actuation.compensate_deflection:
         sagging = _uncompensated(scenario, setup)
     certified, proved, failures = _certify(folder, scenario, setup, assessment, run.motion)
@@ -337,7 +369,7 @@ def _simulate_into(
         time=run.data.time,
         joints=run.data.joints,
         legs=None if run.legs is None else run.legs.positions,
-        bookmarks=run_bookmarks(assessment),
+        bookmarks=run_bookmarks(assessment, supervised.decisions if supervised else ()),
         phases=run_phases(run.data, setup.path),
         note="" if film is None else film.note,
         seen=None if film is None else film.patches,
@@ -355,10 +387,16 @@ def _simulate_into(
             "real_time_rate": run.run_time.real_time_rate,
             "actuation_fidelity": scenario.actuation.fidelity,
             "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
-            "cycle_completed": scenario.duration_s <= 0.0
-            or run.run_time.simulated_s < scenario.duration_s,
+            "cycle_completed": (
+                scenario.duration_s <= 0.0 or run.run_time.simulated_s < scenario.duration_s
+            )
+            and (supervised is None or supervised.completed),
         }
     )
+    if supervised is not None:
+        summary |= supervised.summary()
+        failures = supervised.failures() + failures
+        write_csv(supervised.log.series(), folder / "supervisor.csv")
     if run.legs is not None:
         _write_gaps(folder, setup.arm, run.data.time, run.legs.gaps)
         step = plant_time_step(scenario)
@@ -410,6 +448,8 @@ def _uncompensated(scenario: SerpentineScenario, setup: SerpentineSetup) -> Asse
     """The way out alone, without compensation of the deflection."""
     other: SerpentineScenario = copy.deepcopy(scenario)
     other.actuation.compensate_deflection = False
+    # It shows what would happen, however far off.
+    other.supervisor.enabled = False
     other.motion.retract = False
     run = run_station(other, setup, label="simulating without compensation")
     return Assessment(

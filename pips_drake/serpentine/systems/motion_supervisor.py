@@ -11,7 +11,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import drive_limits
-from pips_drake.serpentine.motion_words import RUN
+from pips_drake.serpentine.motion_words import HOLD, RETRACT, RUN
 from pips_drake.serpentine.supervision import (
     BY_GRAVITY,
     Cause,
@@ -93,7 +93,8 @@ class MotionSupervisor(LeafSystem):
     State: discrete, updated every `period` s (default 1/32 s), the first time at `offset` s
     (default 1/64 s, so that it sees what a monitor has found a control period before): command,
     share, mode, cause, directions barred by each cause, least clearances, time waited; and
-    `measured`. Latency: what is measured acts on the outputs at the next update.
+    `measured`. At initialization the operator's command passes. Latency: what is measured acts on
+    the outputs at the next update.
 
     Decisions are those of `supervision.decide`. In short: the tip is held when the clearance that
     would be left at rest, d + min(rate, 0) T, falls below the hold threshold. T is latency + ramp /
@@ -136,6 +137,7 @@ class MotionSupervisor(LeafSystem):
         self._measured = self.DeclareDiscreteState([0.0] * len(MEASURED))
         # Distances at the update before, for rates; none yet.
         self._last = self.DeclareDiscreteState([math.nan, math.nan])
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._update)
         decided_only = {self.discrete_state_ticket(self._decided)}
         for index, name in enumerate(("command", "speed_share", "mode", "cause")):
@@ -159,6 +161,16 @@ class MotionSupervisor(LeafSystem):
             output[0] = context.get_discrete_state(self._decided)[index]
 
         return calc
+
+    def _wish(self, context: Context) -> float:
+        operator = self.EvalVectorInput(context, self._operator)
+        return RUN if operator is None else float(operator[0])
+
+    def _initialize(self, context: Context, values: DiscreteValues) -> None:
+        wish = self._wish(context)
+        # What is no word is for the first decision to answer.
+        command = wish if wish in (RUN, HOLD, RETRACT) else HOLD
+        values.get_mutable_vector(self._decided).SetFromVector(_pack(Decision(), command, 1.0))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         seen, rows = self._see(context)
@@ -185,7 +197,6 @@ class MotionSupervisor(LeafSystem):
         )
         efforts = input_values(self, context, self._effort)
         share, drive = largest_share(efforts, self._effort_limits)
-        operator = self.EvalVectorInput(context, self._operator)
         health = self.EvalVectorInput(context, self._health)
         # Written so that a NaN is not trusted.
         bad = [] if health is None else np.flatnonzero(~(health.value() >= 1.0)).tolist()
@@ -199,7 +210,7 @@ class MotionSupervisor(LeafSystem):
             healthy=len(bad) == 0,
             tip_rate=float(input_values(self, context, self._tip)[1]),
             phase=float(input_values(self, context, self._phase)[0]),
-            wish=RUN if operator is None else float(operator[0]),
+            wish=self._wish(context),
         )
         encoder = -1.0 if len(bad) == 0 else float(bad[0])
         return seen, [distance, rate, own, own_rate, error, point, share, drive, encoder]

@@ -98,6 +98,13 @@ def test_the_operators_command_passes_one_update_later(bench, wish):
     assert bench.update(operator_command=[wish])["command"] == wish
 
 
+def test_an_arm_that_is_to_be_held_from_the_beginning_does_not_start(bench):
+    for wish, command in ((HOLD, HOLD), (RETRACT, RETRACT), (np.nan, HOLD)):
+        bench.system.GetInputPort("operator_command").FixValue(bench.context, [wish])
+        bench.simulator.Initialize()
+        assert bench["command"] == command and bench["mode"] == Mode.PERMIT
+
+
 def test_updates_come_each_period_from_the_offset_on(bench):
     for name, value in {**bench.given, "clearance": [0.001, 0.0, 0.17]}.items():
         bench.system.GetInputPort(name).FixValue(bench.context, value)
