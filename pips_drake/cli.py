@@ -193,6 +193,45 @@ class Verify:
 
 
 @dataclass(kw_only=True)
+class Study:
+    """Compute a design study: a table and a figure of many variations of a scenario.
+
+    One that was stopped, by whatever, goes on where it was when the same command is given again.
+    """
+
+    study: Annotated[tyro.conf.Positional[str], _word("STUDY")]
+    """A shipped study (see `pips list`), or a YAML file."""
+    out: Annotated[Path | None, _word("DIR")] = None
+    """Folder to write; out/study_STUDY by default."""
+    jobs: Annotated[int | None, _word("N")] = None
+    """How many processes; as many as there are processors by default."""
+    cluster: Annotated[str | None, _word("ADDRESS")] = None
+    """Compute on a Dask cluster instead: its scheduler's address, such as tcp://host:8786."""
+    force: bool = False
+    """Start anew where there are results."""
+
+    def run(self) -> int:
+        from pips_drake.design_studies import study
+
+        out = self.out or _default_folder("study", self.study)
+        try:
+            result = study(
+                self.study, out=out, jobs=self.jobs, cluster=self.cluster, force=self.force
+            )
+        except KeyboardInterrupt:
+            words = f"interrupted; finished cases are kept in {out}: the same command goes on"
+            return _complain(words, INTERRUPTED)
+        for row in result.rows:
+            name = f"{row['case']:>4}  {row.get('verdict') or row['status']:<6}"
+            varied = result.summary["varied"]
+            print(f"{name}  " + "  ".join(f"{key}={row[key]}" for key in varied))
+            if row["reason"]:
+                print(f"      {row['reason']}")
+        print(f"  written to {result.folder}")
+        return DONE
+
+
+@dataclass(kw_only=True)
 class View:
     """Show a model in the browser with a slider a joint (Drake's model visualizer)."""
 
@@ -210,17 +249,21 @@ class View:
 
 @dataclass(kw_only=True)
 class List:
-    """List the shipped scenarios, paths, arms, scenes and models."""
+    """List the shipped scenarios, studies, paths, arms, scenes and models."""
 
     def run(self) -> int:
+        from pips_drake.design_studies import study_descriptions
         from pips_drake.scenarios import scenario_descriptions
         from pips_drake.scene.packages import list_names
 
-        descriptions = scenario_descriptions()
-        width = max(len(name) for name in descriptions)
-        print("scenarios (pips simulate NAME)")
-        for name, text in descriptions.items():
-            print(f"  {name:<{width}}  {text}")
+        for title, descriptions in (
+            ("scenarios (pips simulate NAME)", scenario_descriptions()),
+            ("studies (pips study NAME)", study_descriptions()),
+        ):
+            width = max(len(name) for name in descriptions)
+            print(title)
+            for name, text in descriptions.items():
+                print(f"  {name:<{width}}  {text}")
         for kind, command in (
             ("path", "pips follow NAME, pips check NAME"),
             ("arm", "--arm NAME"),
@@ -273,6 +316,7 @@ Command = (
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
+    | Annotated[Study, tyro.conf.subcommand("study")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[List, tyro.conf.subcommand("list")]
     | Annotated[Export, tyro.conf.subcommand("export")]
@@ -301,7 +345,7 @@ def _run(args: Sequence[str] | None) -> int:
     try:
         command = _parse(args)
         check_current_directory()
-        if isinstance(command, Follow | Check | Simulate | Verify):
+        if isinstance(command, Follow | Check | Simulate | Verify | Study):
             tell_of_compiling()
         code: int = command.run()
     except InputError as error:

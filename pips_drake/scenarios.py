@@ -23,6 +23,7 @@ from pips_drake.scene.packages import (
     scenarios_directory,
 )
 from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.twin.study.study_file import StudyKind
 from pips_drake.twin.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -36,15 +37,22 @@ def _simulate_serpentine(*args: Any, **kwargs: Any) -> Verdict:
     return run(*args, **kwargs)
 
 
+def _serpentine_studies() -> StudyKind:
+    from pips_drake.serpentine.runs.study import STUDY_KIND
+
+    return STUDY_KIND
+
+
 @dataclass(frozen=True)
 class Machine:
-    """A machine that scenarios can be written for: its schema, and what simulates it."""
+    """A machine that scenarios can be written for: its schema, what simulates it, and studies."""
 
     schema: type
     simulate: Callable[..., Verdict]
+    studies: Callable[[], StudyKind]
 
 
-MACHINES = {"serpentine": Machine(SerpentineScenario, _simulate_serpentine)}
+MACHINES = {"serpentine": Machine(SerpentineScenario, _simulate_serpentine, _serpentine_studies)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +83,7 @@ def load_scenario(
         InputError: no such scenario, an unknown key, or a value that is not allowed.
     """
     file = find_scenario_file(name)
-    machine = _machine_of(file)
+    machine = machine_of(file)
     config: Any = load_yaml(MACHINES[machine].schema, file, overrides=dict(overrides or {}))
     scene_file = None
     if scene is not None:
@@ -132,7 +140,12 @@ def scenario_descriptions() -> dict[str, str]:
     return {file.stem: str(load_plain(file).get("description", "")) for file in files}
 
 
-def _machine_of(file: Path) -> str:
+def machine_of(file: Path) -> str:
+    """The machine that a scenario's file is for: a key of `MACHINES`.
+
+    Raises:
+        InputError: it says none, or one that there is not.
+    """
     machine = load_plain(file).get("machine")
     if machine is None:
         raise InputError(f"{file}: no key 'machine'; must be one of {', '.join(sorted(MACHINES))}")

@@ -1,7 +1,7 @@
-"""Where the shipped models and scenarios are, and which file a name stands for.
+"""Where the shipped models, scenarios and studies are, and which file a name stands for.
 
-In a checkout `models/` and `scenarios/` stand at the top, beside the package; a wheel carries them
-inside it. ``package://pips_drake/...`` stands for the folder `models` in both.
+In a checkout `models/`, `scenarios/` and `studies/` stand at the top, beside the package; a wheel
+carries them inside it. ``package://pips_drake/...`` stands for the folder `models` in both.
 
 A name is first looked up among the shipped files (``trajectory_4``); anything else is the path of a
 file. Kinds of file, and where their names come from:
@@ -11,6 +11,7 @@ file. Kinds of file, and where their names come from:
 - ``model``: ``models/sdf/*/NAME.sdf``
 - ``scene``: ``models/scenes/NAME.dmd.yaml``
 - ``scenario``: ``scenarios/NAME.yaml``
+- ``study``: ``studies/NAME.yaml``
 """
 
 from __future__ import annotations
@@ -25,13 +26,14 @@ if TYPE_CHECKING:
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
-# Patterns are relative to the folder that holds both models/ and scenarios/.
+# Patterns are relative to the folder that holds models/, scenarios/ and studies/.
 _PATTERNS = {
     "arm": ("models/arms/*.yaml",),
     "path": ("models/paths/*.csv", "models/paths/*.yaml"),
     "model": ("models/sdf/*/*.sdf",),
     "scene": ("models/scenes/*.dmd.yaml",),
     "scenario": ("scenarios/*.yaml",),
+    "study": ("studies/*.yaml",),
 }
 
 
@@ -105,6 +107,11 @@ def find_scene_file(name: str, *, inside: Path | None = None) -> Path:
 def find_scenario_file(name: str) -> Path:
     """The scenario file of a name such as ``trajectory_4``; see `find_file`."""
     return find_file("scenario", name)
+
+
+def find_study_file(name: str) -> Path:
+    """The study file of a name such as ``offsets``; see `find_file`."""
+    return find_file("study", name)
 
 
 def add_package(parser: Parser) -> None:
