@@ -246,8 +246,9 @@ def turning_bound(shapes, pairs, poses, motion, p, k0, k1, n0, n1, segment, widt
             b2 -= _moved(shapes, a, levers[2], offsets[2], row)
         least = min(b0, b2)
         if b1 < least:
-            # The quadratic's lowest point is inside.
-            least = (b0 * b2 - b1 * b1) / (b0 - 2.0 * b1 + b2)
+            # The quadratic's lowest point is inside: (b0 b2 - b1^2) / (b0 - 2 b1 + b2), written so
+            # that nothing cancels where all three are nearly the same.
+            least = b1 + (b0 - b1) * ((b2 - b1) / ((b0 - b1) + (b2 - b1)))
         lowest = min(lowest, least)
     if lowest < 0.0:
         lowest /= length

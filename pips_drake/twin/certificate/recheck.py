@@ -292,10 +292,12 @@ def _least_bound(
     if problem.deviation.any():
         _take_errors(problem, steps, (begin, end), (n0, n1), (i, j), vertices, bulge, coefficients)
     b0, b1, b2 = coefficients
-    ends = np.minimum(b0, b2)
-    inside = b1 < ends
-    curved = np.where(inside, b0 - 2.0 * b1 + b2, 1.0)
-    least = np.where(inside, (b0 * b2 - b1 * b1) / curved, ends).min(axis=1)
+    # The lowest value of each quadratic over [0, 1]. Inside it is b1 + u v / (u + v): nothing
+    # cancels where u and v are only rounding.
+    u, v = b0 - b1, b2 - b1
+    inside = (u > 0.0) & (v > 0.0)
+    share = np.divide(v, u + v, out=np.zeros_like(v), where=inside)
+    least = np.where(inside, b1 + u * share, np.minimum(b0, b2)).min(axis=1)
     return float(np.where(least < 0.0, least / half, least).min())
 
 

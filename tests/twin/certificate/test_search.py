@@ -111,6 +111,28 @@ def test_a_still_posture_has_its_distance(random_machine, random_walk, truth) ->
     assert least - 1e-6 - 1e-4 <= found.upper  # the polygons of cylinders: 0.1 mm and less
 
 
+@pytest.mark.parametrize("step", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
+def test_rounding_proves_nothing_where_hardly_anything_moves(
+    random_machine, random_walk, truth, step
+) -> None:
+    for seed in range(1, 10):
+        machine, scene, own, knots = random_path(seed, random_machine, random_walk)
+        rng = np.random.default_rng(seed)
+        still = knots[0] + step * rng.normal(size=(4, machine.positions))
+        for pairs in (scene, own):
+            least = machine.least(truth, pairs, knots[0])
+            for errors in (0.0, 1e-4):
+                deviation = np.full(machine.positions, errors)
+                if seed % 3 == 0:
+                    deviation[6:13] = 0.0  # the free body's
+                problem = machine.problem(pairs, still, deviation=deviation)
+                found = certify(problem, tolerance=TOLERANCE)
+                # A few metres of arm that each joint moves.
+                assert found.lower <= least + EXACT + 30.0 * step, seed
+                assert found.lower >= found.upper - TOLERANCE - 30.0 * errors, seed
+                assert check_proof(make_proof(found)).failures == (), seed
+
+
 def test_a_thin_spike_between_samples_is_found(random_machine, random_walk) -> None:
     """Samples at both knots are clear by 0.19 m; between them the arm goes through a needle."""
     rng = np.random.default_rng(0)
