@@ -66,3 +66,29 @@ def test_without_gravity_there_is_no_offset(arm, random_postures, evaluate):
 def test_a_gravity_that_is_no_vector_is_refused(arm, gravity):
     with pytest.raises(InputError, match=r"gravity = .*; must be three finite numbers, m/s\^2"):
         DeflectionCompensator(arm, gravity=gravity)
+
+
+@pytest.mark.parametrize("variant", [{}, {"mirrored": True}])
+def test_along_legs_each_actuator_is_pressed_together_as_hard_as_gravity_loads_it(
+    arm_variant, random_postures, evaluate, variant
+):
+    arm = arm_variant(**variant)
+    plant = plant_of(arm, GRAVITY)
+    context = plant.CreateDefaultContext()
+    compensator = DeflectionCompensator(arm, gravity=GRAVITY, along_legs=True)
+    lengths = ActuatorLengthMap(arm)
+    # The arm's README: 40, 30 and 20 MN/m; the rail's and the crane's own.
+    stiffness = np.append([2e7, 4e6], np.repeat([4e7, 3e7, 2e7], [7, 6, 3]))
+    step = 1e-6
+    for q in random_postures(arm, 10):
+        state = np.append(q, np.zeros(18))
+        offset = evaluate(compensator, "drive_offset", joint_state=state)
+        ahead, behind = (
+            evaluate(lengths, "drive_state", joint_state=state + sign * step)[:18]
+            for sign in (1.0, -1.0)
+        )
+        plant.SetPositions(context, q)
+        load = plant.CalcGravityGeneralizedForces(context)
+        # Virtual work; central differences of lengths of up to 3 m are good to 1e-9 of them.
+        work = stiffness * offset * (ahead - behind) / (2.0 * step)
+        np.testing.assert_allclose(work, -load, rtol=1e-8, atol=1e-6)
