@@ -49,7 +49,10 @@ def _lead(summary: Mapping[str, Any]) -> str:
     parts = [f"tip travel {summary['tip_travel_m']:.2f} m"]
     if "cycle_time_s" in summary:
         parts.append(f"out, dwell and back in {summary['cycle_time_s']:.0f} s")
-    if summary.get("cycle_completed") is False:
+    if summary.get("supervisor_mode", "permit") != "permit":
+        words = {"hold": "held", "retract": "held and taken back", "stop": "stopped"}
+        parts.append(f"{words[summary['supervisor_mode']]} by the supervisor")
+    elif summary.get("cycle_completed") is False:
         parts.append(f"only the first {summary['simulated_s']:g} s simulated")
     if "cycle_time_s" not in summary:
         parts.append("not simulated: the plan failed")

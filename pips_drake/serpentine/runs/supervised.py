@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -202,19 +203,19 @@ class Supervised:
         intervened = [one for one in self.decisions if one.after != Mode.PERMIT]
         if self.completed or not intervened or not (self.whole or self.mode != Mode.PERMIT):
             return []
-        # What ended it: the first decision of the mode that it ended in, and what that answered.
-        final = self.mode if self.mode != Mode.PERMIT else intervened[-1].after
-        decision = next(
-            one
-            for one in reversed(intervened)
-            if one.after == final and (one.before != final or one is intervened[0])
-        )
-        ending = "at rest" if self.final_speed < AT_REST else "still moving"
+        # From the last time that nothing was wrong: what was decided first, and last.
+        free = [i for i, one in enumerate(self.decisions) if one.after == Mode.PERMIT]
+        first, *later = self.decisions[free[-1] + 1 if free else 0 :] or intervened[-1:]
+        words = f"the arm was {_WORDS[first.after]} at {first.time:.2f} s: {first.why}"
+        for before, after in itertools.pairwise([first, *later]):
+            if after.after != before.after:
+                words += f"; {_WORDS[after.after]} at {after.time:.2f} s"
+                words += f": {after.why}" if after.cause != before.cause else ""
         left = float(self.data.clearance[-1])
         clear = f"{left * 1e3:.0f} mm clear" if left > 0.0 else f"{-left * 1e3:.1f} mm deep"
-        sentence = f"the arm was {_WORDS[final]} from {decision.time:.2f} s on: {decision.why}"
-        place = ", home" if self.phase == DONE else ""
-        return [f"{sentence}; it ended {ending}{place}, {clear}"]
+        ending = "at rest" if self.final_speed < AT_REST else "still moving"
+        place = " at home" if self.phase == DONE else ""
+        return [f"{words}; it ended {ending}{place}, {clear}"]
 
     def _why(self, cause: Cause, mode: Mode, seen: dict[str, float], time: float) -> str:
         """The numbers behind a cause."""
@@ -243,10 +244,10 @@ class Supervised:
         if rate * 1e3 < -config.closing_speed_mm_per_s:
             left = stopping_clearance(distance, rate, self.stopping_time)
             more = f", closing in by {-rate * 1e3:.1f} mm/s ({left * 1e3:.1f} mm left at rest)"
-        if mode in (Mode.RETRACT, Mode.STOP):
-            more += f", held for {config.patience_s:g} s"
         if mode == Mode.RETRACT and not own and distance * 1e3 < config.retract_clearance_mm:
             more, hold = "", config.retract_clearance_mm
+        elif mode in (Mode.RETRACT, Mode.STOP):
+            return f"{near} {distance * 1e3:.1f} mm{more}, after {config.patience_s:g} s"
         return f"{near} {distance * 1e3:.1f} mm{more}; must be left: {hold:g} mm"
 
     def _pair(self, time: float) -> str:

@@ -38,7 +38,8 @@ def MakeSerpentineStation(
     and with a camera `camera_pointer` and `camera_station`.
 
     Input port: `tip_path_source.command` (1,), optional. With a supervisor it is the operator's,
-    and reaches the source as far as the supervisor lets it.
+    and reaches the source as far as the supervisor lets it; and there is
+    `motion_supervisor.encoder_health` (J,), optional.
 
     Output ports, as `<system>.<port>` (each is described at its system): `tip_path_source.tip`,
     `tip_path_source.phase`, `follow_the_leader.joint_state`, `follow_the_leader.solution`,
@@ -164,6 +165,9 @@ def MakeSerpentineStation(
             drive_effort=actuation.drive_effort,
         )
         operator = supervisor.GetInputPort("operator_command")
+        builder.ExportInput(
+            supervisor.GetInputPort("encoder_health"), "motion_supervisor.encoder_health"
+        )
     builder.ExportInput(operator, "tip_path_source.command")
     for name in (
         *(CAMERA_PORTS if scenario.camera.enabled else ()),
