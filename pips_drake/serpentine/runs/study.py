@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydrake.lcm import DrakeLcm
 
 from pips_drake.config import dump_yaml, load_yaml, read_text, validate
-from pips_drake.errors import InputError, NotFollowableError
+from pips_drake.errors import InputError, NotFollowableError, UnknownNameError
 from pips_drake.scene.packages import (
     find_arm_file,
     find_path_file,
@@ -108,25 +108,20 @@ def make_cases(study: StudyFile, scenario_file: Path) -> list[Case]:
     depends = {name: text for name, text in versions().items() if name != "platform"}
     cases = []
     for number, values in enumerate(study.combinations(), start=1):
-        texts = {name: _text(value) for name, value in values.items()}
-        here = {n: t for n, t in texts.items() if not n.startswith(("arm.", "path."))}
-        scenario = load_yaml(SerpentineScenario, scenario_file, overrides={**study.set, **here})
-        # One line of pictures is no result, and the last joint is judged without it.
+        # All changes of a case: of the scenario's fields, and of what it names.
+        changes = study.set | {name: _text(value) for name, value in values.items()}
+        fields = {n: t for n, t in changes.items() if not n.startswith(("arm.", "path."))}
+        scenario = load_yaml(SerpentineScenario, scenario_file, overrides=fields)
+        # A film is no result of a study, and the last joint is judged without the camera's share.
         scenario.camera.enabled = False
         arm = load_yaml(ArmFile, find_arm_file(scenario.arm, inside=folder))
-        for name, value in values.items():
-            if name.startswith("arm."):
-                arm = vary_arm(arm, name, _number(name, value))
         path_file = find_path_file(scenario.path, inside=folder)
         path_text = read_text(path_file)
-        if "path.travel_in" in values:
-            if path_file.suffix == ".csv":
-                raise InputError(f"path.travel_in: {path_file.name} is a table; must be of arcs")
-            travel = _number("path.travel_in", values["path.travel_in"])
-            path_text = dump_yaml(set_path_travel(load_yaml(PathFile, path_file), travel))
-        unknown = [n for n in values if n.startswith("path.") and n != "path.travel_in"]
-        if unknown:
-            raise InputError(f"unknown variation '{unknown[0]}'; known: path.travel_in")
+        for name, text in changes.items():
+            if name.startswith("arm."):
+                arm = vary_arm(arm, name, _number(name, text))
+            elif name.startswith("path."):
+                path_text = _vary_path(path_file, name, _number(name, text))
         scene_file = None
         if scenario.scene:
             scene_file = find_scene_file(scenario.scene, inside=folder).resolve()
@@ -227,10 +222,20 @@ def _text(value: float | str) -> str:
     return f"{value:.15g}" if isinstance(value, float | int) else value
 
 
-def _number(field: str, value: float | str) -> float:
-    if isinstance(value, str):
-        raise InputError(f"{field} = '{value}'; must be a number ('values', not 'words')")
-    return float(value)
+def _number(field: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{field} = '{text}'; must be a number") from None
+
+
+def _vary_path(file: Path, field: str, value: float) -> str:
+    """The text of a path file with one variation."""
+    if field != "path.travel_in":
+        raise UnknownNameError("variation", field, ["path.travel_in"])
+    if file.suffix == ".csv":
+        raise InputError(f"{field}: {file.name} is a table; must be a path of lines and arcs")
+    return dump_yaml(set_path_travel(load_yaml(PathFile, file), value))
 
 
 def _digest(scene_file: Path) -> str:

@@ -26,6 +26,8 @@ def study_figure(
 ) -> None:
     """Draws a panel a column over `x`; rows without the number leave a gap.
 
+    A column of which no row has a number has no panel.
+
     Args:
         rows: the table's.
         x: what was varied, numbers or words; words stand in the table's order.
@@ -41,6 +43,8 @@ def study_figure(
     words = list(dict.fromkeys(row[x] for row in rows if isinstance(row[x], str)))
     panels: list[Panel] = []
     for column, (name, unit, factor) in columns.items():
+        if all(row.get(column) is None for row in rows):
+            continue
         lines = []
         for index, (values, members) in enumerate(drawn.items()):
             label = ", ".join(
@@ -66,10 +70,12 @@ def study_figure(
                 y_label=unit,
                 lines=lines,
                 limits=[Limit(value=limits[column] * factor)] if column in limits else [],
-                long_legend=len(drawn) > 2,
+                long_legend=True,
             )
         )
     x_label = x if not words else f"{x}: " + ", ".join(f"{i} {w}" for i, w in enumerate(words))
+    if not panels:  # nothing could be computed; the table says why
+        return
     figure = time_series_figure(panels, x_label, title=title, columns=2, panel_height=2.0)
     save_figure(figure, file)
 

@@ -98,7 +98,10 @@ def open_store(folder: Path, *, name: str, force: bool = False) -> Iterator[Resu
             (folder / _CASES).mkdir(exist_ok=True)
         except OSError as error:
             raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
-        yield ResultStore(folder=folder)
+        try:
+            yield ResultStore(folder=folder)
+        finally:
+            _remove_if_nothing_came(folder)
     finally:
         os.close(lock)
 
@@ -122,6 +125,14 @@ def _check(folder: Path, name: str, *, force: bool) -> None:
         raise InputError(f"{folder} holds study '{found}'; use --force to replace it")
     if (folder / SUMMARY_NAME).is_file():
         raise InputError(f"{folder} exists; use --force to replace it")
+
+
+def _remove_if_nothing_came(folder: Path) -> None:
+    """Leaves no folder behind where not even one case was computed."""
+    with contextlib.suppress(OSError):
+        (folder / _CASES).rmdir()  # fails where there are cases
+        (folder / MARK_NAME).unlink()
+        folder.rmdir()
 
 
 def _clear(folder: Path) -> None:

@@ -52,7 +52,7 @@ class StudyFile:
     combine: str = "grid"
     # Simulate each case; otherwise it is only planned and checked, which takes seconds.
     simulate: bool = False
-    # Fields of the scenario that all cases change, as `pips simulate --set` does.
+    # What all cases change, by field, as text.
     set: dict[str, str] = dataclasses.field(default_factory=dict)
     vary: list[VaryConfig] = dataclasses.field(default_factory=list)
     # A case that takes longer is ended, and counts as died, s. On a cluster there is no limit.

@@ -110,7 +110,8 @@ class Processes:
 class Cluster:
     """The workers of a Dask cluster (extra `cluster`), on as many machines as it has.
 
-    Every worker needs the same pips_drake. A worker computes one case at a time, so one thread each
+    As with processes, cases on a worker that dies are computed once more, one by one. Every worker
+    needs the same pips_drake. A worker computes one case at a time, so one thread each
     is enough; with a nanny and `--lifetime` they are replaced now and then.
 
     Attributes:
@@ -122,27 +123,40 @@ class Cluster:
     def run(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
         """See `Workers.run`."""
         try:
+            import distributed
             from distributed import Client, as_completed
         except ImportError:
             raise InputError(
                 "--cluster needs Dask: pip install 'pips-drake[cluster]' here and on every worker"
             ) from None
         try:
-            client = Client(self.address, timeout=PATIENCE, set_as_default=False)
+            client = Client(self.address, timeout=PATIENCE)
         except (OSError, ValueError, TypeError) as error:
             raise InputError(f"--cluster {self.address}: no scheduler there ({error})") from None
         with client:
-            flying = {
-                client.submit(compute, case.work, dict(case.task), key=case.key, pure=False): case
-                for case in cases
-            }
+            suspects = []
+            flying = {_submit(client, case): case for case in cases}
             try:
                 for future in as_completed(list(flying)):
-                    yield flying.pop(future), _outcome_of(future, self.address)
+                    case, outcome = flying.pop(future), _outcome_of(future, self.address)
                     future.release()
+                    if outcome.status == DIED:  # or one beside it
+                        suspects.append(case)
+                    else:
+                        yield case, outcome
+                for case in suspects:
+                    future = _submit(client, case, again=True)
+                    flying[future] = case
+                    distributed.wait([future])
+                    yield flying.pop(future), _outcome_of(future, self.address)
             finally:
                 with contextlib.suppress(Exception):  # a cluster that is gone has nothing to cancel
                     client.cancel(list(flying))
+
+
+def _submit(client: Any, case: Case, *, again: bool = False) -> Any:
+    key = f"{case.number}-{case.key}" + "-again" * again
+    return client.submit(compute, case.work, dict(case.task), key=key, pure=False)
 
 
 def _outcome_of(future: Any, address: str) -> Outcome:
