@@ -15,6 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from pips_drake.serpentine.legs import leg_coordinates, lightened, make_legs
+from pips_drake.serpentine.runs.simulate import simulate
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
     AddActuation,
@@ -199,10 +200,15 @@ def test_a_bent_hinge_gives_way_by_the_stiffness_of_its_posture():
     assert np.all(np.abs(ratio - 1.0) > 0.1)
 
 
-def test_the_plant_gets_the_lengths_that_are_asked_for_and_none_without_a_server():
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_the_plant_gets_the_lengths_that_are_asked_for_and_none_without_a_server(wrapped):
     made = scenario("leg")
     setup = load_setup(made)
-    station = MakeSerpentineStation(made, setup=setup)
+    diagram = station = MakeSerpentineStation(made, setup=setup)
+    if wrapped:  # in somebody else's diagram, under another name
+        builder = DiagramBuilder()
+        builder.AddNamedSystem("arm of mine", station)
+        diagram = builder.Build()
     plant = station.GetSubsystemByName("plant")
 
     def granted(simulator):
@@ -210,11 +216,12 @@ def test_the_plant_gets_the_lengths_that_are_asked_for_and_none_without_a_server
         ids = sorted(plant.GetConstraintIds(), key=lambda number: number.get_value())
         return [plant.GetDistanceConstraintParams(context, i).distance() for i in ids]
 
-    simulator = MakeSimulator(station, made)
-    simulator.AdvanceTo(0.5)
-    asked = station.GetOutputPort("leg_springs.free_length").Eval(simulator.get_context())
+    simulator = MakeSimulator(diagram, made)
+    simulator.AdvanceTo(0.25)
+    mine = station.GetMyContextFromRoot(simulator.get_context())
+    asked = station.GetOutputPort("leg_springs.free_length").Eval(mine)
     np.testing.assert_array_equal(granted(simulator), asked)
-    left_alone = Simulator(station)
+    left_alone = Simulator(diagram)
     left_alone.AdvanceTo(1.0 / 64.0)
     default = lengths(setup.arm.joint_home[2:])
     np.testing.assert_allclose(granted(left_alone), default, rtol=1e-14)
@@ -314,3 +321,19 @@ def test_the_three_agree_over_trajectory_4_out_dwell_and_back():
         for row in (len(joint) - 1, len(joint) // 2):
             np.testing.assert_allclose(other_forces[row, 2:], forces[row, 2:], rtol=0.05)
         assert gap < 30e-6
+
+
+@pytest.mark.slow
+def test_a_truss_run_quotes_its_gaps_with_the_step_and_replays_its_rods(tmp_path):
+    made = scenario("truss")
+    made.duration_s = 0.5
+    verdict = simulate(made, name="truss", out=tmp_path / "out")
+    assert verdict.summary["actuation_fidelity"] == "truss"
+    assert verdict.summary["plant_step_s"] == 1.0 / 512.0
+    lines = (tmp_path / "out" / "loop_gaps.csv").read_text().splitlines()
+    assert lines[0].split(",") == ["time_s"] + [f"L{j}_gap_m" for j in range(3, 19)]
+    gaps = np.array([[float(word) for word in line.split(",")] for line in lines[1:]])[:, 1:]
+    assert gaps.max() == pytest.approx(verdict.summary["loop_gap_max_m"], rel=1e-6)
+    assert 0.0 < gaps.max() < 1e-4
+    page = (tmp_path / "out" / "replay.html").read_text(errors="ignore")
+    assert len(page) > 100_000

@@ -22,8 +22,6 @@ from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 #: How often a run's drawn actuators move, and those who watch it live are told, s. Twice as often
 #: would take a twentieth more time (measured), and a run goes several times as fast as the clock.
 VISUAL_PERIOD = 1.0 / 16.0
-#: Name of the diagram.
-STATION = "serpentine_station"
 
 
 def MakeSerpentineStation(
@@ -195,7 +193,7 @@ def MakeSerpentineStation(
         builder.ExportOutput(actuation.loop_gap, "loop_gap_meter.gap")
     builder.ExportOutput(scene_graph.get_query_output_port(), "scene_graph.query")
     diagram = builder.Build()
-    diagram.set_name(STATION)
+    diagram.set_name("serpentine_station")
     return diagram
 
 
@@ -205,12 +203,12 @@ def MakeSimulator(diagram: Diagram, scenario: SerpentineScenario) -> Simulator:
     A station of another `integration.scheme` than `discrete` needs it: the integrator and its
     accuracy are the simulator's, not the diagram's. Its steps end at the servos' updates anyway.
     So does the fidelity `leg`: the lengths of the plant's springs are set by the simulator's
-    monitor (`LegServer`).
+    monitor (`LegServer`). The station is the diagram itself, or one of its subsystems.
     """
     simulator = Simulator(diagram)
     if scenario.actuation.fidelity == "leg":
-        is_station = diagram.get_name() == STATION
-        station = diagram if is_station else diagram.GetSubsystemByName("station")
+        parts = [diagram, *diagram.GetSystems()]
+        station = next(part for part in parts if part.HasOutputPort(FREE_LENGTH))
         simulator.set_monitor(LegServer(station).monitor)
     if scenario.integration.scheme != "discrete":
         config = SimulatorConfig(
