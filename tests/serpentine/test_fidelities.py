@@ -15,6 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from pips_drake.serpentine.legs import leg_coordinates, lightened, make_legs
+from pips_drake.serpentine.runs.pictures import write_run_replay
 from pips_drake.serpentine.runs.simulate import simulate
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
@@ -28,6 +29,7 @@ from pips_drake.serpentine.station import (
     set_leg_positions,
 )
 from pips_drake.serpentine.systems.tip_path_source import HOLD
+from pips_drake.twin.replay import Replay
 
 FIDELITIES = ("joint", "leg", "truss")
 INCH = 0.0254
@@ -337,3 +339,44 @@ def test_a_truss_run_quotes_its_gaps_with_the_step_and_replays_its_rods(tmp_path
     assert 0.0 < gaps.max() < 1e-4
     page = (tmp_path / "out" / "replay.html").read_text(errors="ignore")
     assert len(page) > 100_000
+
+
+@pytest.mark.slow
+def test_in_the_replay_of_a_truss_rods_slide_out_of_their_tubes(arm, tmp_path, monkeypatch):
+    made = scenario("truss")
+    setup = load_setup(made)
+    builder = DiagramBuilder()
+    plant, _, _ = make_plant(builder, setup, made, fidelity="truss")
+    diagram = builder.Build()
+    context = plant.GetMyMutableContextFromRoot(diagram.CreateDefaultContext())
+    bends = np.array([-0.4, 0.0, 0.4])
+    joints = np.tile(arm.joint_home, (3, 1))
+    joints[:, 2:] = bends[:, None]
+    legs = []
+    for row in joints:
+        set_leg_positions(plant, context, arm, row)
+        legs.append(plant.GetPositions(context, plant.GetModelInstanceByName(legs_name(arm))))
+    seen, add_sample = [], Replay.add_sample
+
+    def watch(self, query):
+        inspector = query.inspector()
+        frames = {inspector.GetName(frame): frame for frame in inspector.GetAllFrameIds()}
+        ends = [
+            query.GetPoseInWorld(frames[f"{legs_name(arm)}::L4_{part}"]).translation()
+            for part in ("tube", "rod")
+        ]
+        seen.append(np.linalg.norm(ends[0] - ends[1]))
+        add_sample(self, query)
+
+    monkeypatch.setattr(Replay, "add_sample", watch)
+    write_run_replay(
+        tmp_path / "replay.html",
+        made,
+        setup,
+        title="bending",
+        time=[0.0, 0.25, 0.5],
+        joints=joints,
+        legs=legs,
+    )
+    np.testing.assert_allclose(seen, lengths(bends[:, None])[:, 1], rtol=0, atol=1e-13)
+    assert seen[2] > 1.4 * seen[0]
