@@ -221,6 +221,10 @@ class Study:
         except KeyboardInterrupt:
             words = f"interrupted; finished cases are kept in {out}: the same command goes on"
             return _complain(words, INTERRUPTED)
+        if "margins" in result.summary:
+            _print_margins(result.summary["margins"])
+            print(f"  written to {result.folder}")
+            return DONE
         for row in result.rows:
             name = f"{row['case']:>4}  {row.get('verdict') or row['status']:<6}"
             varied = result.summary["varied"]
@@ -460,6 +464,23 @@ def _report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False)
     if verdict.folder is not None:
         print(f"  written to {verdict.folder}")
     return DONE if verdict.passed else FAILED
+
+
+def _print_margins(margins: Mapping[str, Any]) -> None:
+    """The probability that a plan passes under tolerances, and its tightest case."""
+    low, high = margins["probability_interval"]
+    print(
+        f"passes in {margins['passed']} of {margins['draws']} draws: "
+        f"{100.0 * margins['probability']:.4g} % (with {100.0 * margins['confidence']:g} % "
+        f"confidence between {100.0 * low:.4g} % and {100.0 * high:.4g} %)"
+    )
+    for words, row in (("nominal", margins["nominal"]), ("tightest case", margins["tightest"])):
+        if row is None or row["clearance_sampled_min_m"] is None:
+            continue
+        print(
+            f"  {words:<16}{row['clearance_sampled_min_m'] * 1e3:.4g} mm, "
+            f"{row['clearance_min_pair']} (case {row['case']}, {row['kind']})"
+        )
 
 
 def _shares(times: Mapping[str, float]) -> str:

@@ -20,6 +20,7 @@ from pips_drake.scenarios import MACHINES, machine_of
 from pips_drake.scene.packages import find_file, find_study_file, list_names
 from pips_drake.twin.output_folder import SUMMARY_NAME, write_whole
 from pips_drake.twin.study.figure import study_figure
+from pips_drake.twin.study.probability import CONFIDENCE, pass_probability
 from pips_drake.twin.study.run import run_cases
 from pips_drake.twin.study.store import open_store
 from pips_drake.twin.study.study_file import StudyFile
@@ -80,18 +81,22 @@ def study(
     out, start = Path(out), time.perf_counter()
     with open_store(out, name=file.stem, force=force) as store:
         outcomes = run_cases(cases, store=store, workers=workers, name=file.stem)
-        rows = table_rows(cases, outcomes, kind.columns)
+        rows = table_rows(cases, outcomes, kind.columns(config))
         write_table(out / "study.csv", rows)
         fields = [vary.field for vary in config.vary]
-        study_figure(
-            out / "study.png",
-            rows,
-            x=fields[0],
-            # In a list, the other fields change together with the first.
-            others=fields[1:] if config.combine == "grid" else (),
-            columns=kind.panels(config),
-            title=f"Study '{file.stem}' of {scenario_file.stem}",
-        )
+        if fields:
+            study_figure(
+                out / "study.png",
+                rows,
+                x=fields[0],
+                # In a list, the other fields change together with the first.
+                others=fields[1:] if config.combine == "grid" else (),
+                columns=kind.panels(config),
+                title=f"Study '{file.stem}' of {scenario_file.stem}",
+            )
+            margins = {}
+        else:
+            margins = {"margins": margins_of(rows, kind.tightest)}
         write_whole(out / "study.yaml", dump_yaml(config))
         states = [outcome.status for outcome in outcomes.values()]
         summary = {
@@ -103,9 +108,33 @@ def study(
             "cases_computed_s": sum(outcome.wall_s for outcome in outcomes.values()),
             "wall_s": time.perf_counter() - start,
             "versions": versions(),
-        }
+        } | margins
         write_summary(out / SUMMARY_NAME, summary)  # last: the study is whole
     return StudyResult(rows=rows, summary=summary, folder=out)
+
+
+def margins_of(rows: Sequence[Mapping[str, Any]], tightest: str) -> dict[str, Any]:
+    """What the rows of a study of tolerances say: the probability of passing, the tightest case.
+
+    A case that could not be computed has not passed.
+
+    Args:
+        tightest: the number that says how tight a case was.
+    """
+    drawn = [row for row in rows if row["kind"] == "draw"]
+    passed = sum(row["verdict"] == "pass" for row in drawn)
+    share, low, high = pass_probability(passed, len(drawn))
+    known = [row for row in rows if row[tightest] is not None]
+    least = min(known, key=lambda row: row[tightest], default=None)
+    return {
+        "draws": len(drawn),
+        "passed": passed,
+        "probability": share,
+        "probability_interval": [low, high],
+        "confidence": CONFIDENCE,
+        "nominal": dict(next(row for row in rows if row["kind"] == "nominal")),
+        "tightest": None if least is None else dict(least),
+    }
 
 
 def study_descriptions() -> dict[str, str]:

@@ -56,6 +56,7 @@ class ClearanceQuery:
         robot: the robot's model instances. Everything else with collision geometry is the scene.
         max_distance: pairs farther apart than this (m) are not looked at, which makes the query
             several times faster.
+        scene_body: scoped name of a body; if given, it is all of the scene that counts.
 
     Raises:
         InputError: the robot has no collision geometry (it would always look clear), or
@@ -63,11 +64,17 @@ class ClearanceQuery:
     """
 
     def __init__(
-        self, plant: MultibodyPlant, robot: Sequence[ModelInstanceIndex], *, max_distance: float
+        self,
+        plant: MultibodyPlant,
+        robot: Sequence[ModelInstanceIndex],
+        *,
+        max_distance: float,
+        scene_body: str = "",
     ) -> None:
         self.max_distance = max_distance
         self._bodies: dict[GeometryId, BodyIndex] = {}
         self._robot: set[GeometryId] = set()
+        self._ignored: set[GeometryId] = set()
         self._names: dict[BodyIndex, str] = {}
         for i in range(plant.num_bodies()):
             body = plant.get_body(_body_index(i))
@@ -76,6 +83,8 @@ class ClearanceQuery:
                 self._bodies[geometry] = body.index()
                 if body.model_instance() in robot:
                     self._robot.add(geometry)
+                elif scene_body and self._names[body.index()] != scene_body:
+                    self._ignored.add(geometry)
         require(max_distance > 0.0, "max_distance", f"{max_distance} m", "> 0")
         if not self._robot:
             models = ", ".join(plant.GetModelInstanceName(model) for model in robot) or "none"
@@ -108,7 +117,11 @@ class ClearanceQuery:
             if first and second:
                 if pair.distance < own_distance:
                     own, own_distance = pair, pair.distance
-            elif (first or second) and pair.distance < scene_distance:
+            elif (
+                (first or second)
+                and pair.distance < scene_distance
+                and (pair.id_B if first else pair.id_A) not in self._ignored
+            ):
                 scene, scene_distance = pair, pair.distance
         return scene, own
 

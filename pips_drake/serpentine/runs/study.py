@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +23,21 @@ from pips_drake.scene.packages import (
     models_directory,
 )
 from pips_drake.serpentine import kinematics
-from pips_drake.serpentine.arm import make_arm
+from pips_drake.serpentine.arm import load_arm, make_arm
 from pips_drake.serpentine.arm_file import ArmFile
 from pips_drake.serpentine.arm_variants import set_path_travel, vary_arm
 from pips_drake.serpentine.drives import joint_stiffness
 from pips_drake.serpentine.mounting import mounting_rotation
 from pips_drake.serpentine.path_file import PathFile
 from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.runs import margins
 from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.check import check
 from pips_drake.serpentine.runs.simulate import run_station
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import load_setup
+from pips_drake.serpentine.tolerances import half_widths
 from pips_drake.twin.study.cases import Case
 from pips_drake.twin.study.study_file import StudyFile, StudyKind
 from pips_drake.twin.summary import versions
@@ -104,41 +106,63 @@ def make_cases(study: StudyFile, scenario_file: Path) -> list[Case]:
         InputError: a field that there is not, or a value that is not allowed in any case. A value
             that only some combinations do not allow makes those cases fail.
     """
-    folder = scenario_file.parent
     depends = {name: text for name, text in versions().items() if name != "platform"}
-    cases = []
-    for number, values in enumerate(study.combinations(), start=1):
-        # All changes of a case: of the scenario's fields, and of what it names.
-        changes = study.set | {name: _text(value) for name, value in values.items()}
-        fields = {n: t for n, t in changes.items() if not n.startswith(("arm.", "path."))}
-        scenario = load_yaml(SerpentineScenario, scenario_file, overrides=fields)
-        # A film is no result of a study, and the last joint is judged without the camera's share.
-        scenario.camera.enabled = False
-        arm = load_yaml(ArmFile, find_arm_file(scenario.arm, inside=folder))
-        path_file = find_path_file(scenario.path, inside=folder)
-        path_text = read_text(path_file)
-        for name, text in changes.items():
-            if name.startswith("arm."):
-                arm = vary_arm(arm, name, _number(name, text))
-            elif name.startswith("path."):
-                path_text = _vary_path(path_file, name, _number(name, text))
-        scene_file = None
-        if scenario.scene:
-            scene_file = find_scene_file(scenario.scene, inside=folder).resolve()
-        scenario.arm, scenario.path = _ARM_NAME, path_file.name
-        own = scene_file is not None and scenario.scene not in list_names("scene")
-        task = {
-            "name": f"{number}",
-            "scenario": dump_yaml(scenario),
-            "arm": dump_yaml(arm),
-            "path": path_text,
-            "path_name": path_file.name,
-            "scene_file": str(scene_file) if own else None,
-            "scene_content": None if scene_file is None else _digest(scene_file),
-            "simulate": study.simulate,
-        }
-        cases.append(Case(number=number, values=values, task=task, work=_WORK, versions=depends))
-    return cases
+    rows: list[tuple[dict[str, Any], dict[str, Any]]]
+    if study.tolerances:
+        scenario = load_yaml(
+            SerpentineScenario, scenario_file, overrides=_scenario_fields(study.set)
+        )
+        arm = load_arm(find_arm_file(scenario.arm, inside=scenario_file.parent))
+        half_widths(arm, study.tolerances)  # refuses what means nothing
+        common = _task(study, scenario_file, {})
+        tasks = margins.margin_tasks(scenario, study.tolerances, draws=study.draws, seed=study.seed)
+        rows = [
+            ({"kind": task["kind"], "draw": task["draw"]}, common | {"margins": task})
+            for task in tasks
+        ]
+    else:
+        rows = [(values, _task(study, scenario_file, values)) for values in study.combinations()]
+    return [
+        Case(number=number, values=values, task=task, work=_WORK, versions=depends)
+        for number, (values, task) in enumerate(rows, start=1)
+    ]
+
+
+def _task(study: StudyFile, scenario_file: Path, values: Mapping[str, Any]) -> dict[str, Any]:
+    """What one case needs to know."""
+    folder = scenario_file.parent
+    # All changes of a case: of the scenario's fields, and of what it names.
+    changes = study.set | {name: _text(value) for name, value in values.items()}
+    scenario = load_yaml(SerpentineScenario, scenario_file, overrides=_scenario_fields(changes))
+    # A film is no result of a study, and the last joint is judged without the camera's share.
+    scenario.camera.enabled = False
+    arm = load_yaml(ArmFile, find_arm_file(scenario.arm, inside=folder))
+    path_file = find_path_file(scenario.path, inside=folder)
+    path_text = read_text(path_file)
+    for name, text in changes.items():
+        if name.startswith("arm."):
+            arm = vary_arm(arm, name, _number(name, text))
+        elif name.startswith("path."):
+            path_text = _vary_path(path_file, name, _number(name, text))
+    scene_file = None
+    if scenario.scene:
+        scene_file = find_scene_file(scenario.scene, inside=folder).resolve()
+    scenario.arm, scenario.path = _ARM_NAME, path_file.name
+    own = scene_file is not None and scenario.scene not in list_names("scene")
+    return {
+        "scenario": dump_yaml(scenario),
+        "arm": dump_yaml(arm),
+        "path": path_text,
+        "path_name": path_file.name,
+        "scene_file": str(scene_file) if own else None,
+        "scene_content": None if scene_file is None else _digest(scene_file),
+        "simulate": study.simulate,
+    }
+
+
+def _scenario_fields(changes: Mapping[str, str]) -> dict[str, str]:
+    """Those changes that are fields of the scenario, and not of the arm or path that it names."""
+    return {name: text for name, text in changes.items() if not name.startswith(("arm.", "path."))}
 
 
 def run_case(task: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,12 +188,15 @@ def _run(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     arm = load_yaml(ArmFile, folder / _ARM_NAME)
     validate(arm)
     make_arm(arm)
+    if "margins" in task:
+        scene = Path(task["scene_file"]) if task["scene_file"] else None
+        return margins.run_margin_case(scenario, arm, folder, scene, task["margins"])
     scene_file = Path(task["scene_file"]) if task["scene_file"] else None
     setup = load_setup(scenario, folder=folder, scene_file=scene_file)
     plan = make_plan(setup.arm, setup.path)
     numbers = _plan_numbers(scenario, plan)
     if not task["simulate"]:
-        verdict = check(scenario, name=task["name"], folder=folder, scene_file=scene_file)
+        verdict = check(scenario, name="case", folder=folder, scene_file=scene_file)
         failures = list(verdict.failures)
         found = dict(verdict.summary)
     elif not plan.followable:
@@ -255,4 +282,14 @@ def _digest(scene_file: Path) -> str:
     return hashlib.sha256("".join(sorted(seen.values())).encode()).hexdigest()
 
 
-STUDY_KIND = StudyKind(make_cases=make_cases, columns=tuple(COLUMNS), panels=panels)
+def columns(study: StudyFile) -> Sequence[str]:
+    """The table's columns."""
+    return margins.COLUMNS if study.tolerances else tuple(COLUMNS)
+
+
+STUDY_KIND = StudyKind(
+    make_cases=make_cases,
+    columns=columns,
+    panels=panels,
+    tightest="clearance_sampled_min_m",
+)

@@ -54,7 +54,14 @@ class StudyFile:
     simulate: bool = False
     # What all cases change, by field, as text.
     set: dict[str, str] = dataclasses.field(default_factory=dict)
+    # What is varied: a study of a design.
     vary: list[VaryConfig] = dataclasses.field(default_factory=list)
+    # Or, for the probability that the plan passes although arm and payload are not quite what it
+    # believes: by name, how far each error goes either way (the machine's document has the names).
+    tolerances: dict[str, float] = dataclasses.field(default_factory=dict)
+    # How many sets of errors are drawn, and what they are drawn from.
+    draws: int = 200
+    seed: int = 1
     # A case that takes longer is ended, and counts as died, s. On a cluster there is no limit.
     case_limit_s: float = 3600.0
 
@@ -62,13 +69,16 @@ class StudyFile:
         require(self.scenario != "", "scenario", "''", "a shipped scenario or a file")
         known = " or ".join(COMBINATIONS)
         require(self.combine in COMBINATIONS, "combine", self.combine, known)
-        require(len(self.vary) > 0, "vary", "[]", "a list of fields with values")
+        one = bool(self.vary) != bool(self.tolerances)
+        require(one, "vary, tolerances", "both or none", "either a list of fields or tolerances")
+        require(1 <= self.draws <= MOST_CASES, "draws", self.draws, f"1 .. {MOST_CASES}")
+        require(self.seed >= 0, "seed", self.seed, ">= 0")
         fields = [vary.field for vary in self.vary]
         require(len(set(fields)) == len(fields), "vary", fields, "without repeated fields")
         for name in fields:
             require(name not in self.set, f"set.{name}", self.set.get(name), "not varied as well")
         lengths = [len(vary.choices) for vary in self.vary]
-        if self.combine == "list":
+        if self.combine == "list" and lengths:
             require(len(set(lengths)) == 1, "vary", lengths, "lists of one length with 'list'")
         else:
             cases = 1
@@ -92,10 +102,12 @@ class StudyKind:
 
     Attributes:
         make_cases: of a study and its scenario's file.
-        columns: of the table, between status and reason.
+        columns: of the study's table, between status and reason.
         panels: of the figure: title, unit and factor by column.
+        tightest: of a study of tolerances: the rows' number that says how tight a case was.
     """
 
     make_cases: Callable[[StudyFile, Path], list[Case]]
-    columns: Sequence[str]
+    columns: Callable[[StudyFile], Sequence[str]]
     panels: Callable[[StudyFile], dict[str, tuple[str, str, float]]]
+    tightest: str

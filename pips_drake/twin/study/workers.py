@@ -99,7 +99,7 @@ class Processes:
             else:
                 suspects.extend(lost)
         finally:
-            _end(pool)
+            _end(pool, at_once=bool(flying))
 
     def _died(self) -> Outcome:
         limit = f", or it took more than {self.limit_s:g} s" if self.limit_s else ""
@@ -202,13 +202,10 @@ def _compute_within(work: str, task: Mapping[str, Any], limit_s: float) -> Outco
             faulthandler.cancel_dump_traceback_later()
 
 
-def _end(pool: ProcessPoolExecutor) -> None:
-    """Ends a pool at once, with whatever its processes compute."""
-    processes = list((pool._processes or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        with contextlib.suppress(OSError, ValueError, AttributeError):
-            process.terminate()
-    for process in processes:
-        with contextlib.suppress(OSError, ValueError, AttributeError, AssertionError):
-            process.join(5.0)
+def _end(pool: ProcessPoolExecutor, *, at_once: bool) -> None:
+    """Ends a pool, and at once with whatever its processes compute, if that is not waited for."""
+    if at_once:
+        for process in list((pool._processes or {}).values()):
+            with contextlib.suppress(OSError, ValueError, AttributeError):
+                process.terminate()
+    pool.shutdown(wait=True, cancel_futures=True)

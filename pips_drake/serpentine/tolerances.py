@@ -1,0 +1,141 @@
+"""An arm and a payload that are not quite what the plan believes: errors, and draws of them.
+
+A tolerance is half a width: the error lies evenly within plus and minus that much, independently of
+every other one. Names and units are those of a study's `tolerances`.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from pips_drake.config import read_text, require
+from pips_drake.errors import InputError, UnknownNameError
+from pips_drake.serpentine.arm import SerpentineArm, make_arm
+from pips_drake.serpentine.arm_file import ArmFile
+from pips_drake.units import DEGREE, INCH
+
+Array = NDArray[np.float64]
+
+#: What may be uncertain, and the largest tolerance that means anything.
+TOLERANCES = {
+    "payload_mm": 1000.0,  # where the payload stands, each coordinate in frame_0
+    "link_mm": 10.0,  # each segment's length and each offset
+    "joint_deg": 5.0,  # each hinge, the whole way: its encoder's zero
+    "rail_mm": 100.0,  # the slide, the same
+    "sag_share": 1.0,  # share of the static deflection that the compensation gets wrong
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Errors:
+    """What differs from the plan, all the way along it.
+
+    Attributes:
+        payload: displacement, (3,) m in frame_0.
+        lengths: of segments and then of offsets, (2 S,) m.
+        joints: (J,) m and rad.
+        sag_share: by which part of the static deflection the arm hangs lower than it should.
+    """
+
+    payload: Array
+    lengths: Array
+    joints: Array
+    sag_share: float
+
+    @classmethod
+    def from_vector(cls, arm: SerpentineArm, values: Array) -> Errors:
+        """The inverse of `vector`."""
+        lengths = 2 * len(arm.segment_length)
+        payload, link, joints, sag = np.split(values, [3, 3 + lengths, 3 + lengths + arm.joints])
+        return cls(payload=payload, lengths=link, joints=joints, sag_share=float(sag[0]))
+
+    @property
+    def vector(self) -> Array:
+        """All errors in one row: payload, lengths, joints, sag."""
+        return np.concatenate([self.payload, self.lengths, self.joints, [self.sag_share]])
+
+
+def half_widths(arm: SerpentineArm, tolerances: Mapping[str, float]) -> Array:
+    """Tolerances of `Errors.vector`'s values, SI.
+
+    An offset of zero is a joint without one, and has no error.
+
+    Raises:
+        InputError: an unknown name, or a value that means nothing.
+    """
+    for name, value in tolerances.items():
+        if name not in TOLERANCES:
+            raise UnknownNameError("tolerance", name, list(TOLERANCES))
+        most = TOLERANCES[name]
+        require(0.0 <= value <= most, f"tolerances.{name}", value, f"0 .. {most:g}")
+    given = {name: tolerances.get(name, 0.0) for name in TOLERANCES}
+    link = np.full(2 * len(arm.segment_length), given["link_mm"] * 1e-3)
+    link[len(arm.segment_length) :][arm.segment_offset == 0.0] = 0.0
+    joints = np.where(arm.is_prismatic, given["rail_mm"] * 1e-3, given["joint_deg"] * DEGREE)
+    payload = np.full(3, given["payload_mm"] * 1e-3)
+    return np.concatenate([payload, link, joints, [given["sag_share"]]])
+
+
+def draw(widths: Array, seed: int, index: int) -> Array:
+    """Draw number `index`, which does not depend on how many there are."""
+    return widths * np.random.default_rng([seed, index]).uniform(-1.0, 1.0, widths.size)
+
+
+def arm_with_errors(config: ArmFile, errors: Errors) -> SerpentineArm:
+    """The arm as it is built: its segments and offsets longer or shorter."""
+    varied = copy.deepcopy(config)
+    length, offset = np.split(errors.lengths / INCH, 2)
+    for i, segment in enumerate(varied.segments):
+        segment.length_in += float(length[i])
+        segment.offset_in = max(0.0, segment.offset_in + float(offset[i]))
+    return make_arm(varied)
+
+
+def displaced_scene(scene_file: Path, body: str, displacement: Array) -> str:
+    """The model directives of a scene in which one body stands elsewhere.
+
+    Args:
+        body: scoped name of a body that the scene welds, such as payload::payload.
+        displacement: (3,) m, in the frame that it is welded to.
+
+    Raises:
+        InputError: the scene's file does not weld the body with a translation.
+    """
+    text = read_text(scene_file)
+    for weld in _welds(yaml.compose(text, Loader=yaml.SafeLoader)):
+        child, pose = weld.get("child"), dict(_items(weld.get("X_PC")))
+        place = pose.get("translation")
+        if child is None or child.value != body or not isinstance(place, yaml.SequenceNode):
+            continue
+        moved = np.array([float(item.value) for item in place.value]) + displacement
+        written = "[" + ", ".join(f"{value:.17g}" for value in moved) + "]"
+        return text[: place.start_mark.index] + written + text[place.end_mark.index :]
+    raise InputError(
+        f"{scene_file.name}: must weld '{body}' with X_PC.translation, so that it can be displaced"
+    )
+
+
+def _welds(root: yaml.Node | None) -> Iterator[dict[str, yaml.Node]]:
+    directives = dict(_items(root)).get("directives")
+    for directive in directives.value if isinstance(directives, yaml.SequenceNode) else ():
+        weld = dict(_items(directive)).get("add_weld")
+        if weld is not None:
+            yield dict(_items(weld))
+
+
+def _items(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
+    if not isinstance(node, yaml.MappingNode):
+        return []
+    return [(str(key.value), value) for key, value in node.value]
+
+
+def worst_of(widths: Array, gradient: Array) -> Array:
+    """The corner of the tolerances that lowers a distance most, as far as its gradient says."""
+    return -np.sign(gradient) * widths
