@@ -170,8 +170,16 @@ BAD_PIECES = {
     "arc first": ("  - {line: 4.0}\n", "", ["the first must be the line"]),
     "negative line": ("line: 4.0", "line: -4.0", ["pieces[0].line = -4.0", "> 0"]),
     "zero radius": ("arc: 0.5", "arc: 0", ["pieces[1].arc = 0.0", "> 0"]),
-    "two turns": ("angle_deg: 180", "angle_deg: 720", ["pieces[1].angle_deg = 720.0", "> 0 and <= 360"]),
-    "toward along the path": ("toward: [0, 1, 0]", "toward: [0, 0, 1]", ["pieces[1]", "must point aside"]),
+    "two turns": (
+        "angle_deg: 180",
+        "angle_deg: 720",
+        ["pieces[1].angle_deg = 720.0", "> 0 and <= 360"],
+    ),
+    "toward along the path": (
+        "toward: [0, 1, 0]",
+        "toward: [0, 0, 1]",
+        ["pieces[1]", "must point aside"],
+    ),
     "toward in the plane": ("toward: [0, 1, 0]", "toward: [0, 1]", ["toward", "three"]),
     "direction of no length": ("[0, 0, 1]", "[0, 0, 0]", ["direction", "zero"]),
     "two coordinates": ("[0.4, 0.0, 0.0]", "[0.4, 0.0]", ["start", "three numbers"]),
