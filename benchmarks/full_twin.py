@@ -21,7 +21,7 @@ from pips_drake.scenarios import load_scenario
 from pips_drake.scene.loading import AddScene
 from pips_drake.serpentine.drives import joint_stiffness
 from pips_drake.serpentine.motion_profile import RestToRestProfile
-from pips_drake.serpentine.runs.simulate import make_run_diagram
+from pips_drake.serpentine.runs.run import make_run_diagram
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import (

@@ -14,7 +14,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from pips_drake.scenarios import load_scenario
-from pips_drake.serpentine.runs.simulate import run_station
+from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import MakeSerpentineStation, MakeSimulator, load_setup
 from pips_drake.serpentine.systems.tip_path_source import DONE, HOLD

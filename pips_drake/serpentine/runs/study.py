@@ -33,7 +33,7 @@ from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import margins
 from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.check import check
-from pips_drake.serpentine.runs.simulate import run_station
+from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import load_setup

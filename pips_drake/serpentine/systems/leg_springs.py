@@ -35,7 +35,8 @@ class LegSprings(LeafSystem):
 
     - `free_length`, (A,): m, with feedthrough of the command: a request, which only the plant's
       owner can grant (`station.legs.LegServer`), at the plant's next step.
-    - `leg_force`, (A,): N, a pushing actuator is positive; with feedthrough of the joint state alone.
+    - `leg_force`, (A,): N, a pushing actuator is positive; with feedthrough of the joint state
+      alone.
 
     State, discrete, updated every `period` s and at initialization: the free lengths (A,), m, with
     which the plant makes its present step.

@@ -2,7 +2,7 @@
 
 from pydrake.lcm import DrakeLcm
 
-from pips_drake.serpentine.runs.simulate import run_station
+from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import load_setup
 from pips_drake.twin.replay import make_meshcat

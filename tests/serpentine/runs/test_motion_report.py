@@ -16,7 +16,8 @@ from pips_drake.serpentine.runs import simulate as simulate_module
 from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.check import check
 from pips_drake.serpentine.runs.motion_report import motion_report, steady_speed_limits
-from pips_drake.serpentine.runs.simulate import run_station, simulate
+from pips_drake.serpentine.runs.run import run_station
+from pips_drake.serpentine.runs.simulate import simulate
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import (

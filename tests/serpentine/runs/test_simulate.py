@@ -12,7 +12,8 @@ import pytest
 from pips_drake.config import dump_yaml, load_yaml
 from pips_drake.errors import InputError
 from pips_drake.serpentine.runs import simulate as module
-from pips_drake.serpentine.runs.simulate import run_station, simulate
+from pips_drake.serpentine.runs.run import run_station
+from pips_drake.serpentine.runs.simulate import simulate
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import load_setup
 

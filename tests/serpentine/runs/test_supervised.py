@@ -12,7 +12,7 @@ from pips_drake.scenarios import load_scenario
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.motion_words import DONE, EXTENDING, RETRACTING
 from pips_drake.serpentine.runs.pictures import MOST_DECISIONS, run_bookmarks
-from pips_drake.serpentine.runs.simulate import Run, run_station
+from pips_drake.serpentine.runs.run import Run, run_station
 from pips_drake.serpentine.runs.supervised import RunEnd, Supervised, SupervisorLog
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import load_setup
@@ -269,9 +269,10 @@ def obstructed(**supervisor: float) -> tuple[SerpentineScenario, Run]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("speed", [25.0, 80.0])
-def test_the_arm_stops_within_its_stopping_distance_and_goes_home_untouched(arm, speed):
-    scenario, run = obstructed(tip_speed_mm_per_s=speed, patience_s=2.0)
+@pytest.mark.parametrize(("speed", "share"), [(25.0, 1.0), (45.0, 0.5)])
+def test_the_arm_stops_within_its_stopping_distance_and_goes_home_untouched(arm, speed, share):
+    # Faster than 49 mm/s the rail cannot go.
+    scenario, run = obstructed(tip_speed_mm_per_s=speed, patience_s=2.0, safe_speed_fraction=share)
     held, back = run.supervised.decisions
     assert (held.after, back.after, held.cause) == (Mode.HOLD, Mode.RETRACT, Cause.CLEARANCE)
     assert back.time - held.time == pytest.approx(2.0, abs=0.1)
@@ -285,8 +286,9 @@ def test_the_arm_stops_within_its_stopping_distance_and_goes_home_untouched(arm,
     assert 0.5 * stop < lost <= stop + 1e-3
     # And so at no time was less left than asked for.
     assert data.clearance.min() >= scenario.supervisor.hold_clearance_mm * 1e-3 - 1e-3
-    # Back over the same points, at half the speed at most.
-    assert np.diff(data.tip_arc_lengths).min() >= -0.5 * v / scenario.clocks.record_hz * 1.001
+    # Back over the same points, at its share of the speed; roundings of some metres.
+    fastest = -np.diff(data.tip_arc_lengths).min() * scenario.clocks.record_hz
+    assert fastest == pytest.approx(share * v, rel=1e-9)
     assert run.supervised.phase == DONE and run.supervised.safe
     home = kinematics.spine_points(arm, data.joints[[0, -1]])
     np.testing.assert_allclose(home[0], home[1], rtol=0, atol=1e-3)
@@ -296,7 +298,12 @@ def test_the_arm_stops_within_its_stopping_distance_and_goes_home_untouched(arm,
 @pytest.mark.timeout(900)
 def test_a_run_without_patience_is_held_to_its_latest_end():
     scenario, run = obstructed(
-        tip_speed_mm_per_s=200.0, patience_s=0.0, safe_speed_fraction=1.0, overtime_s=2.0
+        tip_speed_mm_per_s=45.0,
+        patience_s=0.0,
+        safe_speed_fraction=1.0,
+        overtime_s=2.0,
+        retract=False,
+        dwell_s=0.0,
     )
     (held,) = run.supervised.decisions
     assert held.after == Mode.HOLD

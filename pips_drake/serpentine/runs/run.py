@@ -1,0 +1,233 @@
+"""Runs the station of a scenario, and collects what it did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import (
+    DrakeVisualizer,
+    DrakeVisualizerParams,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+)
+from pydrake.lcm import DrakeLcm
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+
+from pips_drake.serpentine.runs.assessment import RunData
+from pips_drake.serpentine.runs.supervised import RunEnd, Supervised, log_supervisor, read_log
+from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.station import (
+    VISUAL_PERIOD,
+    MakeSerpentineStation,
+    MakeSimulator,
+    SerpentineSetup,
+)
+from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion
+from pips_drake.twin.simulation import RunTime, advance
+
+Array = NDArray[np.float64]
+
+_LOGGED = (
+    "plant.state",
+    "plant.net_actuation",
+    "tip_path_source.tip",
+    "follow_the_leader.joint_state",
+    "follow_the_leader.solution",
+    "clearance_monitor.clearance",
+    "clearance_monitor.witness",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunDiagram:
+    """A station with logs around it, not yet simulated.
+
+    Attributes:
+        logs: by the names of the station's ports.
+        duration: from start to end, s, unless a supervisor intervenes.
+        end: says when a run is over.
+        recorder: of the plant's motion.
+    """
+
+    diagram: Diagram
+    station: Diagram
+    logs: dict[str, VectorLogSink]
+    duration: float
+    end: RunEnd
+    recorder: MotionRecorder
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegData:
+    """What was recorded of legs that are bodies.
+
+    Attributes:
+        positions: of their model, (N, 3 A).
+        gaps: of the loops that they close, (N, A) m.
+    """
+
+    positions: Array
+    gaps: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """A finished run: the station, what it recorded, and how long it took.
+
+    Attributes:
+        motion: of the plant, at every instant.
+        pan_tilt: of the camera at the data's times, (N, 2) rad; None without a camera.
+        legs: at the data's times; None but with the fidelity `truss`.
+        supervised: what the supervisor decided; None without one.
+    """
+
+    diagram: Diagram
+    station: Diagram
+    data: RunData
+    motion: RecordedMotion
+    run_time: RunTime
+    pan_tilt: Array | None = None
+    legs: LegData | None = None
+    supervised: Supervised | None = None
+
+
+def commanded_port(scenario: SerpentineScenario) -> str:
+    """The station's port whose joints the drives follow."""
+    return (
+        "camera_pointer.joint_state" if scenario.camera.enabled else "follow_the_leader.joint_state"
+    )
+
+
+def make_run_diagram(
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    *,
+    meshcat: Meshcat | None = None,
+    lcm: DrakeLcm | None = None,
+) -> RunDiagram:
+    """Builds a scenario's station with logs around it.
+
+    Args:
+        meshcat: shows the run while it goes on.
+        lcm: where Meldis is told of it; Drake's default address without it.
+    """
+    station = MakeSerpentineStation(scenario, setup=setup)
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("station", station)
+    period = 1.0 / scenario.clocks.record_hz
+    logs: dict[str, VectorLogSink] = {}
+    camera = ("camera_pointer.joint_state", "camera_pointer.pan_tilt")
+    legs = ("plant.legs_state", "loop_gap_meter.gap")
+    for port in (
+        *_LOGGED,
+        *(camera if scenario.camera.enabled else ()),
+        *(legs if scenario.actuation.fidelity == "truss" else ()),
+    ):
+        logs[port] = LogVectorOutput(station.GetOutputPort(port), builder, period)
+        logs[port].set_name(f"log.{port}")
+    decisions = log_supervisor(builder, station, scenario)
+    logs |= decisions
+    recorder = MotionRecorder(
+        builder,
+        station.GetOutputPort("plant.state"),
+        positions=setup.arm.joints,
+        stride=scenario.clocks.plant_hz // scenario.clocks.control_hz,
+    )
+    query = station.GetOutputPort("scene_graph.query")
+    # Meldis listens on LCM: it shows whatever runs.
+    DrakeVisualizer.AddToBuilder(
+        builder, query, lcm=lcm, params=DrakeVisualizerParams(publish_period=VISUAL_PERIOD)
+    )
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(
+            builder, query, meshcat, MeshcatVisualizerParams(publish_period=VISUAL_PERIOD)
+        )
+    diagram = builder.Build()
+    diagram.set_name("serpentine_run")
+    duration = station.GetSubsystemByName("tip_path_source").duration + scenario.motion.settle_s
+    if scenario.duration_s > 0.0:
+        duration = min(duration, scenario.duration_s)
+    return RunDiagram(
+        diagram=diagram,
+        station=station,
+        logs=logs,
+        duration=duration,
+        end=RunEnd(station, decisions.get("motion_supervisor.mode"), scenario, duration),
+        recorder=recorder,
+    )
+
+
+def run_station(
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    *,
+    meshcat: Meshcat | None = None,
+    lcm: DrakeLcm | None = None,
+    label: str = "simulating",
+) -> Run:
+    """Runs a scenario's station (`make_run_diagram`) from start to end.
+
+    Args:
+        label: of the progress bar.
+    """
+    built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm)
+    station = built.station
+    simulator = MakeSimulator(built.diagram, scenario)
+    run_time = advance(
+        simulator,
+        built.duration,
+        label=label,
+        watch=built.recorder.collect,
+        finished=built.end,
+        latest=built.end.latest,
+    )
+    context = simulator.get_context()
+    recorded = {port: log.FindLog(context) for port, log in built.logs.items()}
+    monitor = station.GetSubsystemByName("clearance_monitor")
+    rows = {port: log.data().T for port, log in recorded.items()}
+    joints = setup.arm.joints
+    efforts = rows["plant.net_actuation"].copy()
+    efforts[0] = np.nan  # the plant has made no step yet, so nothing has acted
+    data = RunData(
+        time=recorded["plant.state"].sample_times(),
+        tip_arc_lengths=rows["tip_path_source.tip"][:, 0],
+        commanded_joints=rows[commanded_port(scenario)][:, :joints],
+        joints=rows["plant.state"][:, :joints],
+        joint_rates=rows["plant.state"][:, joints:],
+        joint_efforts=efforts,
+        clearance=rows["clearance_monitor.clearance"][:, 0],
+        self_clearance=rows["clearance_monitor.clearance"][:, 2],
+        witness=rows["clearance_monitor.witness"][:, 1:].reshape(-1, 2, 3),
+        pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
+        solution=rows["follow_the_leader.solution"],
+    )
+    legs = None
+    if "plant.legs_state" in rows:
+        state, gaps = rows["plant.legs_state"], rows["loop_gap_meter.gap"]
+        legs = LegData(positions=state[:, : state.shape[1] // 2], gaps=gaps)
+    supervised = None
+    if scenario.supervisor.enabled:
+        mine = station.GetMyContextFromRoot(context)
+        supervised = Supervised(
+            arm=setup.arm,
+            config=scenario.supervisor,
+            log=read_log(built.logs, context, scenario.clocks),
+            stopping_time=station.GetSubsystemByName("motion_supervisor").thresholds.stopping_time,
+            data=data,
+            phase=float(station.GetOutputPort("tip_path_source.phase").Eval(mine)[0]),
+            whole=scenario.duration_s <= 0.0,
+        )
+    return Run(
+        supervised=supervised,
+        legs=legs,
+        diagram=built.diagram,
+        station=station,
+        data=data,
+        motion=built.recorder.motion(),
+        run_time=run_time,
+        pan_tilt=rows.get("camera_pointer.pan_tilt"),
+    )
