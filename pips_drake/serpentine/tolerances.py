@@ -138,4 +138,4 @@ def _items(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
 
 def worst_of(widths: Array, gradient: Array) -> Array:
     """The corner of the tolerances that lowers a distance most, as far as its gradient says."""
-    return -np.sign(gradient) * widths
+    return -np.sign(gradient) * widths + 0.0  # no negative zeros

@@ -26,7 +26,7 @@ def study_figure(
 ) -> None:
     """Draws a panel a column over `x`; rows without the number leave a gap.
 
-    A column of which no row has a number has no panel.
+    A column in which all rows are alike has no panel.
 
     Args:
         rows: the table's.
@@ -43,7 +43,7 @@ def study_figure(
     words = list(dict.fromkeys(row[x] for row in rows if isinstance(row[x], str)))
     panels: list[Panel] = []
     for column, (name, unit, factor) in columns.items():
-        if all(row.get(column) is None for row in rows):
+        if len({row.get(column) for row in rows}) < 2 and len(rows) > 1:
             continue
         lines = []
         for index, (values, members) in enumerate(drawn.items()):

@@ -251,9 +251,12 @@ def test_the_figure_draws_gaps_words_and_more_lines_than_colours(tmp_path):
     ]
     columns = {"z": ("Product", "mm", 1e3)}
     study_figure(tmp_path / "a.png", rows, x="x", others=["y"], columns=columns, title="numbers")
-    words = [{"w": word, "z": 1.0} for word in ("arcs", "table")]
+    words = [{"w": word, "z": z} for word, z in (("arcs", 1.0), ("table", 2.0))]
     study_figure(tmp_path / "b.png", words, x="w", others=[], columns=columns, title="words")
     for name in ("a.png", "b.png"):
         picture = matplotlib.image.imread(tmp_path / name)
         assert picture.shape[1] == 1500
         assert picture[..., :3].min() < 0.5, "something is drawn"
+    alike = [{"x": x, "z": 1.0} for x in (1.0, 2.0)]
+    study_figure(tmp_path / "c.png", alike, x="x", others=[], columns=columns, title="alike")
+    assert not (tmp_path / "c.png").exists(), "there is nothing to see"
