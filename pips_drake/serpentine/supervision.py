@@ -110,6 +110,8 @@ class Measurement:
 
     Attributes:
         clearance, clearance_rate: of the arm to the scene, m and m/s.
+        urgent_clearance, urgent_rate: of the pair that will be nearest when the arm has come to
+            rest, which need not be the nearest one now, m and m/s; NaN if that is not known.
         own_clearance, own_rate: of the arm to itself, m and m/s.
         tracking_error: farthest spine point from its command, m.
         force_share: largest share of its limit that a drive needs.
@@ -129,6 +131,8 @@ class Measurement:
     tip_rate: float
     phase: float
     wish: float
+    urgent_clearance: float = math.nan
+    urgent_rate: float = math.nan
 
     def is_valid(self) -> bool:
         """Whether every measured number is finite and the wish is a word."""
@@ -272,6 +276,11 @@ def _watch(before: Decision, seen: Measurement, thresholds: Thresholds) -> Decis
         (onward, way),
         thresholds,
     )
+    if not barred[Cause.CLEARANCE] and seen.urgent_rate < -thresholds.closing_speed:
+        # Comparisons with NaN are false: what is not known is not acted on.
+        rest = stopping_clearance(seen.urgent_clearance, seen.urgent_rate, thresholds.stopping_time)
+        if rest < thresholds.hold_clearance:
+            barred[Cause.CLEARANCE], least = onward, seen.clearance
     own_hold = thresholds.own_hold_clearance
     barred[Cause.SELF_CLEARANCE], own_least = _watch_distance(
         (before.barred[Cause.SELF_CLEARANCE], before.own_least),

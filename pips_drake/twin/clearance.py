@@ -105,6 +105,16 @@ class ClearanceQuery:
                 break
         return self._describe(query, scene), self._describe(query, own)
 
+    def scene_pairs(self, query: QueryObject, reach: float) -> list[LeastDistance]:
+        """Every pair of robot and scene that is nearer than `reach` (m), in no order."""
+        robot, ignored = self._robot, self._ignored
+        found = []
+        for pair in query.ComputeSignedDistancePairwiseClosestPoints(reach):
+            first, second = pair.id_A in robot, pair.id_B in robot
+            if first != second and (pair.id_B if first else pair.id_A) not in ignored:
+                found.append(self._describe(query, pair))
+        return found
+
     def _nearest(
         self, pairs: Sequence[SignedDistancePair]
     ) -> tuple[SignedDistancePair | None, SignedDistancePair | None]:

@@ -220,6 +220,7 @@ def run_station(
             data=data,
             phase=float(station.GetOutputPort("tip_path_source.phase").Eval(mine)[0]),
             whole=scenario.duration_s <= 0.0,
+            pair_name=monitor.pair_name,
         )
     return Run(
         supervised=supervised,

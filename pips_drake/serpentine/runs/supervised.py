@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -134,6 +134,7 @@ class Supervised:
         data: what the run recorded.
         phase: of the path source, at the end.
         whole: whether the run was to be a whole one, not shortened by `duration_s`.
+        pair_name: the monitor's.
     """
 
     arm: SerpentineArm
@@ -143,6 +144,7 @@ class Supervised:
     data: RunData
     phase: float
     whole: bool
+    pair_name: Callable[[float], tuple[str, str] | None]
 
     @cached_property
     def decisions(self) -> list[RunDecision]:
@@ -223,7 +225,9 @@ class Supervised:
         if cause == Cause.NONE:
             return ""
         if cause == Cause.INVALID:
-            bad = [name for name, value in seen.items() if not np.isfinite(value)]
+            # What is urgent may be unknown.
+            measured = [item for item in seen.items() if not item[0].startswith("urgent")]
+            bad = [name for name, value in measured if not np.isfinite(value)]
             return f"no number: {', '.join(bad) or 'the command'}"
         if cause == Cause.TRACKING:
             error, joint = seen["tracking_error_m"] * 1e3, int(seen["tracking_joint"])
@@ -240,6 +244,11 @@ class Supervised:
         distance, rate = seen[f"{own}clearance_m"], seen[f"{own}clearance_rate_m_per_s"]
         hold = config.own_hold_clearance_mm if own else config.hold_clearance_mm
         near = "the arm to itself" if own else self._pair(time)
+        urgent, urgent_rate = seen["urgent_clearance_m"], seen["urgent_rate_m_per_s"]
+        if not own and mode == Mode.HOLD and urgent_rate * 1e3 < -config.closing_speed_mm_per_s:
+            pair = self.pair_name(seen["urgent_pair"])
+            distance, rate = urgent, urgent_rate
+            near = near if pair is None else f"{pair[0]} to {pair[1]}"
         more = ""
         if rate * 1e3 < -config.closing_speed_mm_per_s:
             left = stopping_clearance(distance, rate, self.stopping_time)

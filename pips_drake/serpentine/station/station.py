@@ -13,7 +13,11 @@ from pips_drake.serpentine.station.motion import make_profile
 from pips_drake.serpentine.station.plant import make_plant
 from pips_drake.serpentine.station.prismatic_legs import legs_name
 from pips_drake.serpentine.station.setup import SerpentineSetup, load_setup
-from pips_drake.serpentine.station.supervision import SUPERVISOR_PORTS, AddMotionSupervisor
+from pips_drake.serpentine.station.supervision import (
+    SUPERVISOR_PORTS,
+    AddMotionSupervisor,
+    supervision_latency,
+)
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
 from pips_drake.serpentine.systems.follow_the_leader_controller import FollowTheLeaderController
 from pips_drake.serpentine.systems.tip_path_source import TipPathSource
@@ -141,6 +145,7 @@ def MakeSerpentineStation(
             plant,
             robot=[model],
             max_distance=scenario.clearance_range_m,
+            lookahead=_lookahead(scenario),
             period=1.0 / scenario.clocks.clearance_hz,
         ),
     )
@@ -157,7 +162,7 @@ def MakeSerpentineStation(
             arm=arm,
             scenario=scenario,
             source=source,
-            clearance=monitor.GetOutputPort("clearance"),
+            monitor=monitor,
             commanded_joint_state=joint_state,
             joint_state=plant.get_state_output_port(model),
             drive_effort=actuation.drive_effort,
@@ -195,6 +200,13 @@ def MakeSerpentineStation(
     diagram = builder.Build()
     diagram.set_name("serpentine_station")
     return diagram
+
+
+def _lookahead(scenario: SerpentineScenario) -> float:
+    """How far ahead clearances are looked at, s: until the arm has come to rest."""
+    if not scenario.supervisor.enabled:
+        return 0.0
+    return scenario.supervisor.thresholds(supervision_latency(scenario.clocks)).stopping_time
 
 
 def MakeSimulator(diagram: Diagram, scenario: SerpentineScenario) -> Simulator:

@@ -40,7 +40,7 @@ def AddMotionSupervisor(
     arm: SerpentineArm,
     scenario: SerpentineScenario,
     source: LeafSystem,
-    clearance: OutputPort,
+    monitor: LeafSystem,
     commanded_joint_state: OutputPort,
     joint_state: OutputPort,
     drive_effort: OutputPort,
@@ -49,7 +49,7 @@ def AddMotionSupervisor(
 
     Args:
         source: the `TipPathSource`; its command and its share of speed are the supervisor's.
-        clearance: of a `ClearanceMonitor`.
+        monitor: the `ClearanceMonitor`.
         commanded_joint_state, joint_state: where the drives are sent, and where the arm is.
         drive_effort: efforts of the drives.
     """
@@ -65,7 +65,8 @@ def AddMotionSupervisor(
         ),
     )
     for output, name in (
-        (clearance, "clearance"),
+        (monitor.GetOutputPort("clearance"), "clearance"),
+        (monitor.GetOutputPort("urgent"), "urgent"),
         (commanded_joint_state, "commanded_joint_state"),
         (joint_state, "joint_state"),
         (drive_effort, "drive_effort"),

@@ -39,6 +39,9 @@ MEASURED = (
     "force_fraction",
     "force_drive",
     "unhealthy_encoder",
+    "urgent_clearance_m",
+    "urgent_rate_m_per_s",
+    "urgent_pair",
 )
 
 
@@ -57,6 +60,7 @@ class MotionSupervisor(LeafSystem):
         - phase
         - operator_command
         - encoder_health
+        - urgent
         output_ports:
         - command
         - speed_share
@@ -78,6 +82,10 @@ class MotionSupervisor(LeafSystem):
     - `encoder_health`, (J,): 1 for a joint whose encoder can be trusted; optional, all of them when
       unconnected.
 
+    - `urgent`, (3,): `ClearanceMonitor.urgent`: distance, m, rate, m/s, and index of the pair that
+      will be nearest when the arm has come to rest; optional. Without it, what is not the nearest
+      yet is not seen to close in.
+
     Output ports, all from state (no feedthrough):
 
     - `command`, (1,): for `TipPathSource.command`.
@@ -85,10 +93,10 @@ class MotionSupervisor(LeafSystem):
     - `mode`, (1,): `supervision.Mode`: 0 permit, 1 hold, 2 retract, 3 stop.
     - `cause`, (1,): `supervision.Cause`: 0 none, 1 clearance, 2 self clearance, 3 tracking, 4
       force, 5 encoder, 6 invalid number.
-    - `measured`, (9,): what the present decision rests on (`MEASURED`, names and units): clearance
+    - `measured`, (12,): what the present decision rests on (`MEASURED`, names and units): clearance
       and rate, self clearance and rate, tracking error and the joint of that spine point (from 1),
       share of its limit that a drive needs and which (from 0), first encoder that is not trusted
-      (from 0, -1 for none). Zero before the first decision.
+      (from 0, -1 for none), and `urgent`. Zero before the first decision.
 
     State: discrete, updated every `period` s (default 1/32 s), the first time at `offset` s
     (default 1/64 s, so that it sees what a monitor has found a control period before): command,
@@ -133,6 +141,7 @@ class MotionSupervisor(LeafSystem):
         self._phase = self._declare_input("phase", 1)
         self._operator = self._declare_input("operator_command", 1)
         self._health = self._declare_input("encoder_health", joints)
+        self._urgent = self._declare_input("urgent", 3)
         self._decided = self.DeclareDiscreteState(_pack(Decision(), RUN, 1.0))
         self._measured = self.DeclareDiscreteState([0.0] * len(MEASURED))
         # Distances at the update before, for rates; none yet.
@@ -200,6 +209,8 @@ class MotionSupervisor(LeafSystem):
         health = self.EvalVectorInput(context, self._health)
         # Written so that a NaN is not trusted.
         bad = [] if health is None else np.flatnonzero(~(health.value() >= 1.0)).tolist()
+        urgent_port = self.EvalVectorInput(context, self._urgent)
+        urgent = [math.nan] * 3 if urgent_port is None else urgent_port.value().tolist()
         seen = Measurement(
             clearance=distance,
             clearance_rate=rate,
@@ -211,9 +222,12 @@ class MotionSupervisor(LeafSystem):
             tip_rate=float(input_values(self, context, self._tip)[1]),
             phase=float(input_values(self, context, self._phase)[0]),
             wish=self._wish(context),
+            urgent_clearance=urgent[0],
+            urgent_rate=urgent[1],
         )
         encoder = -1.0 if len(bad) == 0 else float(bad[0])
-        return seen, [distance, rate, own, own_rate, error, point, share, drive, encoder]
+        rows = [distance, rate, own, own_rate, error, point, share, drive, encoder, *urgent]
+        return seen, rows
 
     def _rate(self, last: float, now: float) -> float:
         """From two samples, m/s; zero at the first."""

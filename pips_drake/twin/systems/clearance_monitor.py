@@ -36,6 +36,7 @@ class ClearanceMonitor(LeafSystem):
         output_ports:
         - clearance
         - witness
+        - urgent
 
     Input ports:
 
@@ -43,13 +44,17 @@ class ClearanceMonitor(LeafSystem):
     - `body_poses`: abstract list of `RigidTransform` X_WB, from the plant; optional, for the rate.
     - `body_spatial_velocities`: abstract list of `SpatialVelocity` V_WB, from the plant; optional.
 
-    Output ports, both from state (no feedthrough):
+    Output ports, all from state (no feedthrough):
 
     - `clearance`, (3,): distance to the scene, m; its rate along the motion, m/s, negative when
       closing in, NaN without the optional inputs or when nothing is near; distance of the robot to
       itself, m. Distances stop at `max_distance`.
     - `witness`, (7,): index of the nearest pair in `pair_name` (-1 when nothing is near), then the
       witness points on robot and scene in the world, 2 x 3 m, NaN when nothing is near.
+    - `urgent`, (3,): distance to the scene, m, its rate, m/s, and index (as in `witness`) of the
+      pair that comes nearest within `lookahead` if rates stay: least d + min(rate, 0) lookahead. It
+      need not be the nearest one now. NaN without the optional inputs, without a lookahead, or when
+      nothing is near.
 
     State: the outputs, discrete, updated every `period` s (default 1/32 s) and at initialization.
 
@@ -60,6 +65,8 @@ class ClearanceMonitor(LeafSystem):
         plant: finalized, registered with a scene graph.
         robot: the robot's model instances; everything else is the scene.
         max_distance: pairs farther apart than this are not looked at, m.
+        lookahead: s; 0 leaves `urgent` out.
+        lookahead_reach: pairs farther apart than this are not looked at for `urgent`, m.
         period: s.
     """
 
@@ -69,10 +76,14 @@ class ClearanceMonitor(LeafSystem):
         *,
         robot: Sequence[ModelInstanceIndex],
         max_distance: float = 0.5,
+        lookahead: float = 0.0,
+        lookahead_reach: float = 0.15,
         period: float = 1.0 / 32.0,
     ) -> None:
         super().__init__()
         self._query = ClearanceQuery(plant, robot, max_distance=max_distance)
+        self._lookahead = lookahead
+        self._reach = min(lookahead_reach, max_distance)
         bodies = plant.num_bodies()
         self._names = [str(plant.get_body(_body(plant, i)).scoped_name()) for i in range(bodies)]
         query_port = self.DeclareAbstractInputPort(
@@ -88,8 +99,10 @@ class ClearanceMonitor(LeafSystem):
         self._motion_indices = int(poses_port.get_index()), int(velocities_port.get_index())
         self._clearance = self.DeclareDiscreteState([max_distance, np.nan, max_distance])
         self._witness = self.DeclareDiscreteState([-1.0] + [np.nan] * 6)
+        self._urgent = self.DeclareDiscreteState([np.nan] * 3)
         self.DeclareStateOutputPort("clearance", self._clearance)
         self.DeclareStateOutputPort("witness", self._witness)
+        self.DeclareStateOutputPort("urgent", self._urgent)
         self.DeclareInitializationDiscreteUpdateEvent(self._update_clearance)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update_clearance)
 
@@ -101,16 +114,38 @@ class ClearanceMonitor(LeafSystem):
         return self._names[first], self._names[second]
 
     def _update_clearance(self, context: Context, values: DiscreteValues) -> None:
-        scene, own = self._query.least(input_object(self, context, self._query_index))
+        query = input_object(self, context, self._query_index)
+        scene, own = self._query.least(query)
         rate, index = np.nan, -1.0
         if scene.bodies is not None:
             rate = self._rate(context, scene)
-            index = float(int(scene.bodies[0]) * len(self._names) + int(scene.bodies[1]))
+            index = self._pair_index(scene)
         clearance = values.get_mutable_vector(self._clearance).get_mutable_value()
         clearance[:] = scene.distance, rate, own.distance
         witness = values.get_mutable_vector(self._witness).get_mutable_value()
         witness[0] = index
         witness[1:] = scene.points.ravel()
+        urgent = values.get_mutable_vector(self._urgent).get_mutable_value()
+        urgent[:] = np.nan
+        if self._lookahead > 0.0 and scene.distance < self._reach and np.isfinite(rate):
+            urgent[:] = self._most_urgent(context, self._query.scene_pairs(query, self._reach))
+
+    def _pair_index(self, nearest: LeastDistance) -> float:
+        if nearest.bodies is None:
+            return -1.0
+        return float(int(nearest.bodies[0]) * len(self._names) + int(nearest.bodies[1]))
+
+    def _most_urgent(
+        self, context: Context, pairs: Sequence[LeastDistance]
+    ) -> tuple[float, float, float]:
+        """Distance, rate and index of the pair that comes nearest within the lookahead."""
+        best, least = (np.nan, np.nan, np.nan), np.inf
+        for pair in pairs:
+            rate = self._rate(context, pair)
+            left = pair.distance + min(rate, 0.0) * self._lookahead
+            if left < least:
+                best, least = (pair.distance, rate, self._pair_index(pair)), left
+        return best
 
     def _rate(self, context: Context, nearest: LeastDistance) -> float:
         values = [self.EvalAbstractInput(context, index) for index in self._motion_indices]

@@ -22,7 +22,8 @@ from pips_drake.serpentine.supervisor_config import SupervisorConfig
 from pips_drake.serpentine.systems.motion_supervisor import MEASURED
 
 #: Nothing wrong; in `MEASURED`'s order.
-GOOD = dict(zip(MEASURED, [0.1, 0.0, 0.17, 0.0, 1e-3, 4.0, 0.3, 2.0, -1.0], strict=True))
+NUMBERS = [0.1, 0.0, 0.17, 0.0, 1e-3, 4.0, 0.3, 2.0, -1.0, np.nan, np.nan, -1.0]
+GOOD = dict(zip(MEASURED, NUMBERS, strict=True))
 PAIR = ("arm::hand", "payload::side")
 
 
@@ -61,6 +62,7 @@ def supervised(arm):
             data=data,
             phase=phase,
             whole=whole,
+            pair_name=lambda index: ("arm::elbow", "wall::wall") if index >= 0 else None,
         )
 
     return make
@@ -85,13 +87,27 @@ def test_decisions_are_the_changes(supervised):
         "arm::hand to payload::side 28.0 mm, closing in by 26.0 mm/s (18.9 mm left at rest); "
         "must be left: 20 mm"
     )
-    assert found[0].summary() == {
-        "time_s": 2.0,
-        "from": "permit",
-        "to": "hold",
-        "cause": "clearance",
-        "why": found[0].why,
-    } | (GOOD | NEAR)
+    summary, numbers = found[0].summary(), GOOD | NEAR
+    assert [summary.pop(name) for name in ("time_s", "from", "to", "cause", "why")] == [
+        2.0,
+        "permit",
+        "hold",
+        "clearance",
+        found[0].why,
+    ]
+    assert list(summary) == list(numbers)
+    np.testing.assert_array_equal(list(summary.values()), list(numbers.values()))
+
+
+def test_a_pair_that_closes_in_behind_the_nearest_is_named(supervised):
+    seen = {
+        "clearance_m": 0.039,
+        "urgent_clearance_m": 0.045,
+        "urgent_rate_m_per_s": -0.1,
+        "urgent_pair": 4.0,
+    }
+    (decision,) = supervised((Mode.HOLD, Cause.CLEARANCE, seen)).decisions
+    assert decision.why.startswith("arm::elbow to wall::wall 45.0 mm, closing in by 100.0 mm/s")
 
 
 def test_a_change_of_the_cause_alone_is_a_decision(supervised):

@@ -70,8 +70,9 @@ def test_ports(arm, port_sizes):
         "phase": 1,
         "operator_command": 1,
         "encoder_health": 18,
+        "urgent": 3,
     }
-    assert outputs == {"command": 1, "speed_share": 1, "mode": 1, "cause": 1, "measured": 9}
+    assert outputs == {"command": 1, "speed_share": 1, "mode": 1, "cause": 1, "measured": 12}
 
 
 def test_no_output_has_feedthrough(arm):
@@ -81,7 +82,7 @@ def test_no_output_has_feedthrough(arm):
 def test_before_the_first_decision_motion_is_permitted(bench):
     assert bench["command"] == RUN and bench["speed_share"] == 1.0
     assert (bench["mode"], bench["cause"]) == (Mode.PERMIT, Cause.NONE)
-    np.testing.assert_array_equal(bench["measured"], np.zeros(9))
+    np.testing.assert_array_equal(bench["measured"], np.zeros(12))
 
 
 def test_without_an_operator_and_encoder_health_the_tip_runs(bench):
@@ -142,6 +143,16 @@ def test_the_arms_distance_to_itself_is_watched_with_its_own_rate(bench):
     assert out["mode"] == Mode.PERMIT
     bench.update(clearance=[0.5, 0.0, 0.0105])
     assert bench["cause"] == Cause.SELF_CLEARANCE
+
+
+def test_what_closes_in_behind_the_nearest_is_held_too(bench):
+    # 45 mm at 80 mm/s: 28 mm are lost until rest, while 39 mm elsewhere stand.
+    rest = {"clearance": [0.039, 0.0, 0.17]}
+    assert bench.update(**rest, urgent=[0.049, -0.08, 3.0])["mode"] == Mode.PERMIT
+    assert bench.update(**rest, urgent=[np.nan, np.nan, np.nan])["mode"] == Mode.PERMIT
+    out = bench.update(**rest, urgent=[0.045, -0.08, 3.0])
+    assert (out["mode"], out["cause"]) == (Mode.HOLD, Cause.CLEARANCE)
+    np.testing.assert_array_equal(bench["measured"][-3:], [0.045, -0.08, 3.0])
 
 
 def test_operators_may_back_out_of_a_hold_and_not_go_on(bench):

@@ -101,7 +101,11 @@ def test_ports(world):
     inputs = [monitor.get_input_port(i).get_name() for i in range(monitor.num_input_ports())]
     assert inputs == ["query_object", "body_poses", "body_spatial_velocities"]
     outputs = [monitor.get_output_port(i) for i in range(monitor.num_output_ports())]
-    assert {p.get_name(): p.size() for p in outputs} == {"clearance": 3, "witness": 7}
+    assert {p.get_name(): p.size() for p in outputs} == {
+        "clearance": 3,
+        "witness": 7,
+        "urgent": 3,
+    }
 
 
 def test_no_output_has_feedthrough(world):
@@ -178,6 +182,38 @@ def test_the_rate_is_the_derivative_of_the_distance(world):
         assert clearance[1] == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-5)
         found.append(clearance[1])
     assert min(found) < -0.3 and max(found) > 0.3  # toward and away
+
+
+def urgent_of(world, **bodies):
+    """`urgent` of a state, at initialization, and the pair's names."""
+    simulator = Simulator(world.diagram)
+    world.place(simulator.get_mutable_context(), **bodies)
+    simulator.Initialize()
+    mine = world.monitor.GetMyContextFromRoot(simulator.get_context())
+    urgent = world.monitor.GetOutputPort("urgent").Eval(mine).copy()
+    pair = None if np.isnan(urgent[2]) else world.monitor.pair_name(urgent[2])
+    return urgent, pair
+
+
+def test_what_closes_in_behind_the_nearest_is_urgent():
+    world = World(lookahead=0.2, lookahead_reach=0.15)
+    # Faces at x = -0.2 and 0.2, spheres of 0.1: the hand stands 60 mm off, the elbow comes from
+    # 120 mm on the other side.
+    hand = at([0.36, 0.0, 0.0])
+    for speed, nearest in ((0.2, "hand"), (0.4, "elbow")):
+        # In 0.2 s 120 mm become 80 mm, or 40 mm.
+        elbow = at([-0.42, 0.0, 0.0], v=[speed, 0.0, 0.0])
+        urgent, pair = urgent_of(world, hand=hand, elbow=elbow, wall=STILL)
+        distance, rate = (0.06, 0.0) if nearest == "hand" else (0.12, -speed)
+        np.testing.assert_allclose(urgent[:2], [distance, rate], rtol=0, atol=1e-9)
+        assert pair == (f"robot::{nearest}", "scene::wall")
+
+
+def test_without_a_lookahead_or_anything_near_nothing_is_urgent():
+    near = {"hand": at([0.36, 0.0, 0.0], v=[-1.0, 0.0, 0.0]), "elbow": FAR, "wall": STILL}
+    assert np.all(np.isnan(urgent_of(World(), **near)[0]))
+    world = World(lookahead=0.2, lookahead_reach=0.05)
+    assert np.all(np.isnan(urgent_of(world, **near)[0]))
 
 
 def test_in_penetration_the_rate_is_still_that_of_the_signed_distance(world):
