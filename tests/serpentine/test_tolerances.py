@@ -137,6 +137,10 @@ def test_the_nominal_case_is_the_plan_and_the_adverse_one_is_tighter_than_any_dr
     least = [row["clearance_sampled_min_m"] for row in rows]
     assert least[1] == min(least) < least[0]
     assert kinds[2] == margins.ADVERSE_PAYLOAD
+    beside = [row["payload_clearance_sampled_min_m"] for row in rows]
+    # docs/scenes.md: 192 mm from the camera head to the payload.
+    assert beside[0] == pytest.approx(0.192, abs=5e-4)
+    assert beside[2] == min(beside)
     # Every coordinate stands at an end of its tolerance or has no share in it.
     for name in ("payload_x_m", "payload_y_m", "payload_z_m"):
         assert abs(rows[2][name]) in (0.0, pytest.approx(0.02))

@@ -44,6 +44,7 @@ COLUMNS = (
     "clearance_sampled_min_m",
     "clearance_min_pair",
     "clearance_min_tip_arc_length_m",
+    "payload_clearance_sampled_min_m",
     "self_clearance_sampled_min_m",
     "drive_effort_max_fraction",
     "tip_displacement_max_m",
@@ -120,6 +121,10 @@ def run_margin_case(
 
 def _judge(believed: Believed, errors: Errors, folder: Path) -> dict[str, Any]:
     pairs, efforts, joints = _postures(believed, errors, folder)
+    beside: dict[str, Any] = {}
+    if believed.payload and believed.setup.scene_file is not None:
+        there, _, _ = _postures(believed, errors, folder, only=believed.payload)
+        beside["payload_clearance_sampled_min_m"] = min(pair.distance for pair, _ in there)
     arm = arm_with_errors(believed.config, errors)
     scene = [pair for pair, _ in pairs]
     k = int(np.argmin([pair.distance for pair in scene]))
@@ -140,7 +145,11 @@ def _judge(believed: Believed, errors: Errors, folder: Path) -> dict[str, Any]:
         "sag_share": errors.sag_share,
     }
     failures = _failures(believed.scenario.checks, scene[k], own, efforts)
-    return numbers | {"verdict": "fail" if failures else "pass", "failures": "; ".join(failures)}
+    return (
+        numbers
+        | beside
+        | {"verdict": "fail" if failures else "pass", "failures": "; ".join(failures)}
+    )
 
 
 def _failures(checks: CheckConfig, nearest: LeastDistance, own: float, efforts: float) -> list[str]:
