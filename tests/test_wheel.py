@@ -53,16 +53,17 @@ def run(python: Path, code: str, folder: Path) -> str:
     return done.stdout
 
 
-def test_wheel_holds_all_models_and_scenarios_and_nothing_beside_the_package(wheel: Path) -> None:
+def test_wheel_holds_all_shipped_files_and_nothing_beside_the_package(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
+    folders = ("models", "scenarios", "studies")
     shipped = {
         f"pips_drake/{file.relative_to(ROOT)}"
-        for folder in ("models", "scenarios")
+        for folder in folders
         for file in (ROOT / folder).rglob("*")
         if file.is_file()
     }
     assert "pips_drake/models/package.xml" in shipped
-    assert {name for name in names if name.split("/")[1] in ("models", "scenarios")} == shipped
+    assert {name for name in names if name.split("/")[1] in folders} == shipped
     assert "pips_drake/py.typed" in names
     assert {name.split("/")[0].partition("-")[0] for name in names} == {"pips_drake"}
 
@@ -75,7 +76,7 @@ def test_installed_package_is_the_wheels(python: Path, tmp_path: Path) -> None:
 
 
 def test_installed_package_lists_the_same_files(python: Path, tmp_path: Path) -> None:
-    kinds = ["arm", "path", "model", "scene", "scenario"]
+    kinds = ["arm", "path", "model", "scene", "scenario", "study"]
     code = (
         "import json\n"
         "from pips_drake.scene import packages\n"

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pips_drake.errors import InputError, UnknownNameError
 from pips_drake.scene import packages
 
-KINDS = ("arm", "path", "model", "scene", "scenario")
+KINDS = ("arm", "path", "model", "scene", "scenario", "study")
 
 
 @pytest.fixture
