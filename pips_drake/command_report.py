@@ -78,7 +78,9 @@ def report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False) 
     if summary.get("rail_shift_m"):
         inches = summary["rail_shift_m"] / 0.0254
         print(f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home")
-    if summary.get("cycle_completed") is False:
+    # A run that was held says so among its failures.
+    supervised = summary.get("supervisor_mode", "permit") != "permit"
+    if summary.get("cycle_completed") is False and not supervised:
         print(f"  (only the first {summary['simulated_s']:g} s of the run)")
     for line in summary.get("scene_placement", ()) if own_scene else ():
         print(f"  {line}")

@@ -298,7 +298,8 @@ def test_the_arm_stops_within_its_stopping_distance_and_goes_home_untouched(arm,
     stop = v * supervision_latency(scenario.clocks) + v**2 / (2.0 * v / ramp)
     data = run.data
     rest = (data.time > held.time) & (data.time < back.time)
-    lost = held.numbers["clearance_m"] - data.clearance[rest].min()
+    # The payload's, which at 45 mm/s is not the nearest yet when it is acted on: the pallet is.
+    lost = held.numbers["urgent_clearance_m"] - data.clearance[rest].min()
     assert 0.5 * stop < lost <= stop + 1e-3
     # And so at no time was less left than asked for.
     assert data.clearance.min() >= scenario.supervisor.hold_clearance_mm * 1e-3 - 1e-3
