@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def test_the_machine_of_a_scenario_simulates_it(tmp_path: Path, monkeypatch: Any
         calls.append((config, kwargs))
         return Verdict(failures=(), summary={})
 
-    machine = scenarios.Machine(SerpentineScenario, run)
+    machine = dataclasses.replace(scenarios.MACHINES["serpentine"], simulate=run)
     monkeypatch.setitem(scenarios.MACHINES, "serpentine", machine)
     loaded = load_scenario("trajectory_4")
     assert simulate(loaded, out=str(tmp_path / "result"), force=True).passed
