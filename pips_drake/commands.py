@@ -207,6 +207,8 @@ class Study:
                 self.study, out=out, jobs=self.jobs, cluster=self.cluster, force=self.force
             )
         except KeyboardInterrupt:
+            if not out.exists():
+                raise
             words = f"interrupted; finished cases are kept in {out}: the same command goes on"
             return complain(words, INTERRUPTED)
         if "margins" in result.summary:
