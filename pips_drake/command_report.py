@@ -38,7 +38,7 @@ FOLLOW_LINES: tuple[Line, ...] = (
 _CLEARANCE_LINES: tuple[Line, ...] = (
     ("clearance_sampled_min_m", "clearance to the scene, sampled least", 1e3, "mm"),
     ("clearance_certified_min_m", "clearance to the scene, proved at least", 1e3, "mm"),
-    ("clearance_certified_min_with_errors_m", "the same with joint errors", 1e3, "mm"),
+    ("clearance_certified_min_with_errors_m", "as commanded, joints with errors", 1e3, "mm"),
     ("self_clearance_sampled_min_m", "clearance to itself, sampled least", 1e3, "mm"),
     ("self_clearance_certified_min_m", "clearance to itself, proved at least", 1e3, "mm"),
 )

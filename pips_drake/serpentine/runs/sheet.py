@@ -92,7 +92,7 @@ def _rows(summary: Mapping[str, Any], checks: CheckConfig) -> list[SheetRow]:
         least, None)  # fmt: skip
     proved = "the same, proved at every instant"
     add("clearance_certified_min_m", proved, 1e3, "mm", least, None)
-    add("clearance_certified_min_with_errors_m", "the same, if the joints are off", 1e3, "mm",
+    add("clearance_certified_min_with_errors_m", "as commanded, if the joints are off", 1e3, "mm",
         None, None)  # fmt: skip
     own = checks.self_clearance_min_mm
     add("self_clearance_sampled_min_m", "clearance to itself and its rail", 1e3, "mm", own, None)
