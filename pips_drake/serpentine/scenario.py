@@ -4,6 +4,7 @@
 from dataclasses import dataclass, field
 
 from pips_drake.config import require
+from pips_drake.serpentine.fault_config import FaultConfig
 from pips_drake.serpentine.mounting import mounting_rotation
 from pips_drake.serpentine.supervisor_config import SupervisorConfig
 
@@ -333,6 +334,8 @@ class SerpentineScenario:
     integration: IntegrationConfig = field(default_factory=IntegrationConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
     supervisor: SupervisorConfig = field(default_factory=SupervisorConfig)
+    # What goes wrong, and when; the plan and `pips check` know nothing of it.
+    faults: list[FaultConfig] = field(default_factory=list)
     certificate: CertificateConfig = field(default_factory=CertificateConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
@@ -367,6 +370,8 @@ class SerpentineScenario:
         require(good, "clearance_range_m", self.clearance_range_m, allowed)
         good = 0.0 <= self.duration_s <= DAY
         require(good, "duration_s", self.duration_s, f">= 0 and <= {DAY:g}")
+        moved = any(fault.kind == "payload_displaced" for fault in self.faults)
+        require(self.scene != "" or not moved, "scene", "''", "given with a payload_displaced")
         scheme, fidelity = self.integration.scheme, self.actuation.fidelity
         # Drake's continuous plants know no distance or ball constraints.
         good = fidelity == "joint" or scheme == "discrete"

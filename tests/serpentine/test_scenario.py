@@ -77,6 +77,11 @@ checks:
   speed_fraction_max: 0.8
   joint_overrun_max_deg: 0.2
   rail_overrun_max_mm: 0.5
+faults:
+  - {kind: jam, drive: L5, start_s: 1.0, duration_s: 2.0}
+  - kind: payload_displaced
+    body: payload::payload
+    offset_mm: [0.0, 10.0, 0.0]
 certificate:
   enabled: false
   tolerance_mm: 1.0

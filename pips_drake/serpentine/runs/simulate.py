@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -175,6 +176,7 @@ def _simulate_into(
             "wall_s": run.run_time.wall_s,
             "real_time_rate": run.run_time.real_time_rate,
             "actuation_fidelity": scenario.actuation.fidelity,
+            "faults": [dataclasses.asdict(fault) for fault in scenario.faults],
             "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
             "cycle_completed": (
                 scenario.duration_s <= 0.0 or run.run_time.simulated_s < scenario.duration_s
@@ -240,6 +242,7 @@ def _uncompensated(scenario: SerpentineScenario, setup: SerpentineSetup) -> Asse
     # It shows what would happen, however far off.
     other.supervisor.enabled = False
     other.motion.retract = False
+    other.faults = []
     run = run_station(other, setup, label="simulating without compensation")
     return Assessment(
         arm=setup.arm,

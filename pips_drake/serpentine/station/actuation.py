@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from pips_drake.serpentine.drives import (
     joint_stiffness,
     joints_from_drives,
 )
+from pips_drake.serpentine.faults import Fault
 from pips_drake.serpentine.legs import make_legs
 from pips_drake.serpentine.scenario import ActuationConfig
 from pips_drake.serpentine.statics import holding_efforts
@@ -65,6 +67,7 @@ def AddActuation(
     joint_state: OutputPort,
     config: ActuationConfig,
     period: float,
+    faults: Sequence[Fault] = (),
 ) -> ActuationPorts:
     """Connects commanded drives to the plant, with the fidelity that `config` names.
 
@@ -78,9 +81,12 @@ def AddActuation(
 
     Args:
         plant: made for the same fidelity.
+        faults: of the drives.
     """
     arm = setup.arm
-    servo = builder.AddNamedSystem("actuator_servo", ActuatorServo(arm, period=period))
+    servo = builder.AddNamedSystem(
+        "actuator_servo", ActuatorServo(arm, faults=faults, period=period)
+    )
     force_map = builder.AddNamedSystem("actuator_force_map", ActuatorForceMap(arm))
     builder.Connect(drive_state, servo.GetInputPort("drive_state"))
     gravity, along_legs = gravity_in_frame_0(plant), config.fidelity != "joint"

@@ -23,6 +23,7 @@ from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.legs import lightened
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.sdf import make_sdf
+from pips_drake.serpentine.station.faults import displace_bodies
 from pips_drake.serpentine.station.legs import AddLegSprings
 from pips_drake.serpentine.station.prismatic_legs import (
     AddPrismaticLegs,
@@ -90,16 +91,18 @@ def make_plant(
     arm = setup.arm
     body_arm = lightened(arm) if fidelity == "truss" else arm
     model = AddSerpentineArm(plant, body_arm, mounting_pose(scenario), setup.rail_shift)
+    scene = []
+    if setup.scene_file is not None:
+        scene = AddScene(plant, setup.scene_file, base_frame=BASE_FRAME)
+        displace_bodies(plant, scene, scenario.faults)
+        AddMissingNormals(plant, scene_graph, scene)
+    if scenario.decompose_meshes:
+        AddConvexParts(plant, scene_graph, scene)
+    # After the scene: while a plant has constraints, no body of it can be displaced.
     if fidelity == "leg":
         AddLegSprings(plant, model, arm)
     elif fidelity == "truss":
         AddPrismaticLegs(plant, model, arm)
-    scene = []
-    if setup.scene_file is not None:
-        scene = AddScene(plant, setup.scene_file, base_frame=BASE_FRAME)
-        AddMissingNormals(plant, scene_graph, scene)
-    if scenario.decompose_meshes:
-        AddConvexParts(plant, scene_graph, scene)
     plant.Finalize()
     if setup.scene_file is not None:
         check_anchored(plant, scene, setup.scene_file)

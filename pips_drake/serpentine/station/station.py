@@ -5,9 +5,11 @@ from __future__ import annotations
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from pips_drake.serpentine.faults import make_drive_faults
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station.actuation import AddActuation
 from pips_drake.serpentine.station.camera import CAMERA_PORTS, AddCameraPointer, AddCameraStation
+from pips_drake.serpentine.station.faults import AddDisturbances, AddEncoders
 from pips_drake.serpentine.station.legs import FREE_LENGTH, LegServer
 from pips_drake.serpentine.station.motion import make_profile
 from pips_drake.serpentine.station.plant import make_plant
@@ -42,6 +44,10 @@ def MakeSerpentineStation(
     Input port: `tip_path_source.command` (1,), optional. With a supervisor it is the operator's,
     and reaches the source as far as the supervisor lets it; and there is
     `motion_supervisor.encoder_health` (J,), optional.
+
+    Faults (`faults` in the scenario) act in `actuator_servo`; in `encoder_bank`, which is there if
+    an encoder fails, and which the supervisor then reads in place of the plant and of
+    `motion_supervisor.encoder_health`; and in `tip_disturbance`.
 
     Output ports, as `<system>.<port>` (each is described at its system): `tip_path_source.tip`,
     `tip_path_source.phase`, `follow_the_leader.joint_state`, `follow_the_leader.solution`,
@@ -138,7 +144,9 @@ def MakeSerpentineStation(
         joint_state=joint_state,
         config=scenario.actuation,
         period=period,
+        faults=make_drive_faults(arm, scenario.faults),
     )
+    AddDisturbances(builder, plant=plant, model=model, arm=arm, faults=scenario.faults)
     monitor = builder.AddNamedSystem(
         "clearance_monitor",
         ClearanceMonitor(
@@ -157,6 +165,10 @@ def MakeSerpentineStation(
     )
     operator = source.GetInputPort("command")
     if scenario.supervisor.enabled:
+        true_state = plant.get_state_output_port(model)
+        encoders = AddEncoders(
+            builder, arm=arm, joint_state=true_state, faults=scenario.faults, period=period
+        )
         supervisor = AddMotionSupervisor(
             builder,
             arm=arm,
@@ -164,13 +176,15 @@ def MakeSerpentineStation(
             source=source,
             monitor=monitor,
             commanded_joint_state=joint_state,
-            joint_state=plant.get_state_output_port(model),
+            joint_state=true_state if encoders is None else encoders.GetOutputPort("reading"),
             drive_effort=actuation.drive_effort,
         )
         operator = supervisor.GetInputPort("operator_command")
-        builder.ExportInput(
-            supervisor.GetInputPort("encoder_health"), "motion_supervisor.encoder_health"
-        )
+        health = supervisor.GetInputPort("encoder_health")
+        if encoders is None:
+            builder.ExportInput(health, "motion_supervisor.encoder_health")
+        else:
+            builder.Connect(encoders.GetOutputPort("health"), health)
     builder.ExportInput(operator, "tip_path_source.command")
     for name in (
         *(CAMERA_PORTS if scenario.camera.enabled else ()),

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import cut_to_stroke, drive_limits, step_servos
+from pips_drake.serpentine.faults import (
+    Fault,
+    limits_with_faults,
+    misses_update,
+    override_setpoints,
+)
 from pips_drake.twin.systems.inputs import input_values
 
 Array = NDArray[np.float64]
@@ -45,10 +53,20 @@ class ActuatorServo(LeafSystem):
     An update goes towards min(max(command + offset, stroke's ends)) by at most speed limit times
     period. The actuators' stiffness and force limit are the plant's (its controller gains and
     effort limits; fidelity `joint`).
+
+    A fault changes the limits, or the set-point of its drive, from the first update at its start.
+    In an update that is missed all drives stand.
+
+    Args:
+        arm: whose drives they are.
+        faults: of the drives (`faults.make_drive_faults`).
     """
 
-    def __init__(self, arm: SerpentineArm, *, period: float = 1.0 / 64.0) -> None:
+    def __init__(
+        self, arm: SerpentineArm, *, faults: Sequence[Fault] = (), period: float = 1.0 / 64.0
+    ) -> None:
         super().__init__()
+        self._faults = tuple(faults)
         self._period = period
         self._lower, self._upper, self._speed, _ = drive_limits(arm)
         # The base's rail and crane have mechanical play beyond their limits, as the stroke has.
@@ -86,12 +104,14 @@ class ActuatorServo(LeafSystem):
         # It holds the present values.
         setpoint = values.get_mutable_vector(self._setpoint).get_mutable_value()
         saturation = values.get_mutable_vector(self._saturation).get_mutable_value()
-        step_servos(
-            self._lower,
-            self._upper,
-            self._speed,
-            self._period,
-            *self._wanted(context),
-            setpoint,
-            saturation,
-        )
+        limits = self._lower, self._upper, self._speed
+        if not self._faults:
+            step_servos(*limits, self._period, *self._wanted(context), setpoint, saturation)
+            return
+        time, before = context.get_time(), setpoint[: self._lower.size].copy()
+        if misses_update(self._faults, time, self._period):
+            setpoint[before.size :] = 0.0
+        else:
+            left = limits_with_faults(self._faults, time, *limits)
+            step_servos(*left, self._period, *self._wanted(context), setpoint, saturation)
+        override_setpoints(self._faults, time, self._period, limits, before, setpoint)
