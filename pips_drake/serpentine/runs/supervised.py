@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 
 #: Slower than this at every spine point, an arm is at rest, m/s.
 AT_REST = 1e-3
+#: A run goes on while the joints' rates add up to more, rad/s and m/s: on an arm 5 m long no point
+#: is then as fast as `AT_REST`.
+_STILL = AT_REST / 5.0
 _WORDS = {Mode.HOLD: "held", Mode.RETRACT: "retracted", Mode.STOP: "stopped"}
 
 
@@ -274,7 +277,7 @@ class RunEnd:
     """Says when a supervised run is over.
 
     A run that nothing held ends at its time. A held one goes on until it is done, or stopped, and
-    at rest for `motion.settle_s`; at most to `latest`.
+    both the path's tip and the arm have been at rest for `motion.settle_s`; at most to `latest`.
 
     Args:
         station: in the diagram that runs.
@@ -315,13 +318,23 @@ class RunEnd:
         return time >= self._duration and not self._intervened(context, self._modes)
 
     def _look(self, context: Context) -> tuple[float, float, float]:
-        """The supervisor's mode, the source's phase, and the tip's rate."""
+        """The supervisor's mode, the source's phase, and the tip's rate, or else the arm's."""
         mine = self._station.GetMyContextFromRoot(context)
-        mode, phase, tip = (
+        mode, phase, tip, state = (
             self._station.GetOutputPort(port).Eval(mine)
-            for port in ("motion_supervisor.mode", "tip_path_source.phase", "tip_path_source.tip")
+            for port in (
+                "motion_supervisor.mode",
+                "tip_path_source.phase",
+                "tip_path_source.tip",
+                "plant.state",
+            )
         )
-        return float(mode[0]), float(phase[0]), float(tip[1])
+        rate = float(tip[1])
+        if rate == 0.0:
+            # The path's tip may stand while a drive that has failed goes on.
+            joints = float(np.abs(state[len(state) // 2 :]).sum())
+            rate = joints if joints > _STILL else 0.0
+        return float(mode[0]), float(phase[0]), rate
 
     @staticmethod
     def _intervened(context: Context, modes: VectorLogSink) -> bool:
