@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -111,3 +112,14 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "pips_drake.serpentine.runs.follow.write_plan_figures", lambda folder, plan: None
     )
+
+
+@pytest.fixture(autouse=True)
+def children_that_listen() -> Iterator[None]:
+    """Signals that this process ignores (in the background, under nohup), children would too."""
+    ignored = [n for n in (signal.SIGINT, signal.SIGHUP) if signal.getsignal(n) is signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, lambda *_: None)  # a handler of one's own is not inherited
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
