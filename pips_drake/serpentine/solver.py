@@ -6,7 +6,7 @@ See `follow_the_leader` for the meaning and the public interface.
 
 Tip positions that do not depend on each other are solved side by side, in lanes: the last axis of
 every array here. A single one is a long chain of square roots and divisions, each of which waits
-for the last; several in step keep the processor busy (three times faster for eight lanes).
+for the last; several in step keep the processor busy (three times faster for many lanes).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CONVERGED, NOT_CONVERGED, OFF_PATH, BASE_OUT_OF_REACH = 0, 1, 2, 3
 _RUNNING = -1
 
 #: Tip positions that are solved side by side when they do not depend on each other.
-LANES = 16
+LANES = 64
 
 
 @numba.njit(cache=True, error_model="numpy")
