@@ -13,18 +13,35 @@ from pips_drake.serpentine.motion_base import PRISMATIC
 Array = NDArray[np.float64]
 
 
-@numba.njit(cache=True)
-def _dh_step(rotation, origin, alpha, a, d, theta):
-    """Next frame: RotX(alpha) TransX(a) RotZ(theta) TransZ(d), in place."""
-    ca, sa = math.cos(alpha), math.sin(alpha)
-    ct, st = math.cos(theta), math.sin(theta)
-    for k in range(3):
-        x, y, z = rotation[k, 0], rotation[k, 1], rotation[k, 2]
-        tilted_y, tilted_z = ca * y + sa * z, ca * z - sa * y
-        origin[k] += a * x + d * tilted_z
-        rotation[k, 0] = ct * x + st * tilted_y
-        rotation[k, 1] = ct * tilted_y - st * x
-        rotation[k, 2] = tilted_z
+#: A rotation's nine numbers row by row, and a point, of the frame that a chain starts from.
+UNIT_ROTATION, ORIGIN = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def dh_step(r, o, a, d, ca, sa, ct, st):
+    """Next frame of a chain: RotX(alpha) TransX(a) RotZ(theta) TransZ(d).
+
+    Args:
+        r, o: rotation row by row (9) and origin (3), m.
+        ca, sa, ct, st: cosines and sines of alpha and theta.
+
+    Returns:
+        rotation and origin.
+    """
+    z0, z1, z2 = ca * r[2] - sa * r[1], ca * r[5] - sa * r[4], ca * r[8] - sa * r[7]
+    y0, y1, y2 = ca * r[1] + sa * r[2], ca * r[4] + sa * r[5], ca * r[7] + sa * r[8]
+    rotation = (
+        ct * r[0] + st * y0,
+        ct * y0 - st * r[0],
+        z0,
+        ct * r[3] + st * y1,
+        ct * y1 - st * r[3],
+        z1,
+        ct * r[6] + st * y2,
+        ct * y2 - st * r[6],
+        z2,
+    )
+    return rotation, (o[0] + a * r[0] + d * z0, o[1] + a * r[3] + d * z1, o[2] + a * r[6] + d * z2)
 
 
 def with_sines(dh: Array) -> Array:
@@ -41,18 +58,22 @@ def joint_frames(dh, q, rotations, origins):
     """Frames of the first joints of a chain, in place.
 
     Args:
-        dh: the chain's first rows (J, 5), as `SerpentineArm.dh_table`.
+        dh: the chain's first rows (J, 5 or more), as `SerpentineArm.dh_table`.
         q: joint values (J or more,), m and rad.
         rotations, origins: out, (J, 3, 3) and (J, 3) m in frame {0}.
     """
-    rotation, origin = np.eye(3), np.zeros(3)
+    r, o = UNIT_ROTATION, ORIGIN
     for j in range(dh.shape[0]):
         prismatic = dh[j, 4] == PRISMATIC
         d = dh[j, 2] + (q[j] if prismatic else 0.0)
-        theta = dh[j, 3] + (0.0 if prismatic else q[j])
-        _dh_step(rotation, origin, dh[j, 0], dh[j, 1], d, theta)
-        rotations[j] = rotation
-        origins[j] = origin
+        alpha, theta = dh[j, 0], dh[j, 3] + (0.0 if prismatic else q[j])
+        r, o = dh_step(
+            r, o, dh[j, 1], d, math.cos(alpha), math.sin(alpha), math.cos(theta), math.sin(theta)
+        )
+        for k in range(3):
+            origins[j, k] = o[k]
+            for m in range(3):
+                rotations[j, k, m] = r[3 * k + m]
 
 
 @numba.njit(cache=True)

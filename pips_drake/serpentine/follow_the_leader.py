@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.dh_chain import with_sines
 from pips_drake.serpentine.joint_rates import follow_tip, joint_rates_many
 from pips_drake.serpentine.path_geometry import ON_PIECE_TOLERANCE, sphere_line_roots
+from pips_drake.serpentine.spine_inverse import make_mechanism
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.units import INCH, in_inches
 
@@ -138,12 +138,7 @@ class FollowTheLeader:
         self.arm = arm
         self.tolerance = float(tolerance)
         self.max_iterations = int(max_iterations)
-        self._base_dh = np.ascontiguousarray(arm.dh_table[: len(arm.base.joint_names)])
-        self._chain = np.ascontiguousarray(arm.chain)
-        self._base_parameters = arm.base.parameters
-        self._base_rows = with_sines(self._base_dh)
-        home = float(arm.joint_home[1])
-        self._nominal = (math.cos(home), math.sin(home))
+        self._mechanism = make_mechanism(arm)
         self._average = arm.average_module_length
 
     @property
@@ -156,20 +151,32 @@ class FollowTheLeader:
         """Q_AVG (M,) m, where the iteration starts."""
         return self._average.copy()
 
-    def solve(self, path: TipPath, tip_arc_lengths: ArrayLike) -> Solution:
-        """Postures for tips at arc lengths (N,) m of the path, in that order."""
+    def solve(
+        self,
+        path: TipPath,
+        tip_arc_lengths: ArrayLike,
+        *,
+        module_lengths: ArrayLike | None = None,
+    ) -> Solution:
+        """Postures for tips at arc lengths (N,) m of the path, in that order.
+
+        Args:
+            module_lengths: where the iteration starts, (M,) m; the averages by default. A converged
+                answer does not depend on it.
+        """
+        start = np.array(self._average if module_lengths is None else module_lengths, dtype=float)
+        if start.shape != self._average.shape:  # compiled code would not look
+            raise InputError(
+                f"module lengths of shape {start.shape}; must be {self._average.shape}"
+            )
         s = np.atleast_1d(np.asarray(tip_arc_lengths, dtype=np.float64))
         q, spine, arcs, status, iterations, errors, part, excess, lengths = solver.solve_points(
             self._pieces(path),
             s,
-            self._chain,
-            self.arm.base.kind,
-            self._base_parameters,
-            self._base_rows,
-            self._nominal,
+            self._mechanism,
             self.tolerance,
             self.max_iterations,
-            self._average,
+            start,
             self.carries_over,
         )
         return Solution(
@@ -186,33 +193,6 @@ class FollowTheLeader:
             module_lengths=lengths,
         )
 
-    def solve_one(
-        self, path: TipPath, tip_arc_length: float, module_lengths: Array
-    ) -> tuple[Array, Array, int, int, float]:
-        """One tip position, for a loop: the compiled solver without the bookkeeping of `solve`.
-
-        Args:
-            module_lengths: where the iteration starts, (M,) m; updated in place (report mode).
-
-        Returns:
-            joints (joints,), spine arc lengths (M + 1,) m, status, iterations, spine error (m).
-        """
-        q, _, arcs, status, iterations, errors, _, _, lengths = solver.solve_points(
-            self._pieces(path),
-            np.array([tip_arc_length], dtype=np.float64),
-            self._chain,
-            self.arm.base.kind,
-            self._base_parameters,
-            self._base_rows,
-            self._nominal,
-            self.tolerance,
-            self.max_iterations,
-            module_lengths,
-            True,
-        )
-        module_lengths[:] = lengths[0]
-        return q[0], arcs[0], int(status[0]), int(iterations[0]), float(errors[0, 0])
-
     def follow(
         self,
         path: TipPath,
@@ -221,7 +201,7 @@ class FollowTheLeader:
         joint_state: Array,
         solution: Array,
     ) -> int:
-        """One tip position and its rates, for a loop: `solve_one` and `rates` in one call.
+        """One tip position and its rates, for a loop: `solve` and `rates` in one compiled call.
 
         Args:
             tip: arc length (m) and its rate (m/s).
@@ -236,16 +216,11 @@ class FollowTheLeader:
             follow_tip(
                 self._pieces(path),
                 *tip,
-                self._chain,
-                self.arm.base.kind,
-                self._base_parameters,
-                self._base_rows,
-                self._nominal,
+                self._mechanism,
                 self.tolerance,
                 self.max_iterations,
                 module_lengths,
                 True,
-                self._base_dh,
                 joint_state,
                 solution,
             )
@@ -261,9 +236,7 @@ class FollowTheLeader:
                 self._pieces(path),
                 np.atleast_2d(np.asarray(joints, dtype=np.float64)),
                 np.atleast_2d(np.asarray(spine_arc_lengths, dtype=np.float64)),
-                self._chain,
-                self._base_dh,
-                float(self.arm.segment_length[0]),
+                self._mechanism,
             )
         )
 

@@ -74,7 +74,7 @@ def _solve3(first, second, third, b):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def joint_rates(table, q, arc_lengths, chain, base_dh, first_length):
+def joint_rates(table, q, arc_lengths, mechanism):
     """Derivative of the converged joints by the tip's arc length, (B + 2 M + 1,), rad/m and m/m.
 
     Marches from base to tip with the first spine point at unit speed along the path: it fixes the
@@ -82,7 +82,10 @@ def joint_rates(table, q, arc_lengths, chain, base_dh, first_length):
     fixes its two angle rates and its own speed (three equations, three unknowns). Dividing by the
     tip's speed turns the whole into rates by the tip's arc length. No iteration is differentiated.
     """
+    chain, base_dh = mechanism.chain, mechanism.base_rows
     joints, modules = base_dh.shape[0], chain.shape[0]
+    # The first spine point lies S_1 along X of the base's last frame.
+    first_length = mechanism.base_parameters[-1]
     rate = np.zeros(q.size)
     rotations = np.empty((joints, 3, 3))
     origins = np.empty((joints, 3))
@@ -135,12 +138,12 @@ def joint_rates(table, q, arc_lengths, chain, base_dh, first_length):
 
 
 @numba.njit(cache=True)
-def joint_rates_many(table, q, arc_lengths, chain, base_dh, first_length):
+def joint_rates_many(table, q, arc_lengths, mechanism):
     """`joint_rates` for postures q (N, joints); rows that did not solve give NaN."""
     rates = np.full(q.shape, np.nan)
     for i in range(q.shape[0]):
         if not math.isnan(q[i, 0]):
-            rates[i] = joint_rates(table, q[i], arc_lengths[i], chain, base_dh, first_length)
+            rates[i] = joint_rates(table, q[i], arc_lengths[i], mechanism)
     return rates
 
 
@@ -149,16 +152,11 @@ def follow_tip(
     table,
     s_tip,
     speed,
-    chain,
-    kind,
-    parameters,
-    rows,
-    nominal,
+    mechanism,
     tolerance,
     max_iterations,
     module_lengths,
     carry_over,
-    base_dh,
     joint_state,
     solution,
 ):
@@ -168,7 +166,6 @@ def follow_tip(
         s_tip, speed: the tip's arc length and rate, m and m/s.
         module_lengths: where the iteration starts, (M,) m; in and out, as they carry over.
         carry_over: true. (Said here it would be a constant, for which all is compiled once more.)
-        base_dh: the base's rows of the Denavit-Hartenberg table, without sines.
         joint_state: out, joint values and rates (2 J,); not written without a solution.
         solution: out, spine error (m) and iterations, (2,).
 
@@ -178,22 +175,11 @@ def follow_tip(
     tips = np.empty(1)
     tips[0] = s_tip
     q, _, arcs, status, iterations, errors, _, _, lengths = solve_points(
-        table,
-        tips,
-        chain,
-        kind,
-        parameters,
-        rows,
-        nominal,
-        tolerance,
-        max_iterations,
-        module_lengths,
-        carry_over,
+        table, tips, mechanism, tolerance, max_iterations, module_lengths, carry_over
     )
     module_lengths[:] = lengths[0]
     if status[0] == CONVERGED:
-        # The first spine point lies S_1 along X of the base's last frame.
-        rates = joint_rates(table, q[0], arcs[0], chain, base_dh, parameters[-1])
+        rates = joint_rates(table, q[0], arcs[0], mechanism)
         for j in range(rates.size):
             joint_state[j] = q[0, j]
             joint_state[rates.size + j] = rates[j] * speed

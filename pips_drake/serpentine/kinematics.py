@@ -8,16 +8,14 @@ values mean the same hinges; a revolute joint then turns about -Z of its frame.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
-from pips_drake.serpentine import solver
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.dh_chain import joint_frames_many, with_sines
+from pips_drake.serpentine.dh_chain import joint_frames_many
 from pips_drake.serpentine.motion_base import base_roots_many
+from pips_drake.serpentine.spine_inverse import joints_from_spines, make_mechanism
 
 Array = NDArray[np.float64]
 
@@ -119,11 +117,4 @@ def spine_inverse(arm: SerpentineArm, spine: ArrayLike) -> Array:
         angles are exact only for spine points at distances that agree with Eq 3.4.
     """
     points = np.asarray(spine, dtype=np.float64).reshape(-1, arm.modules + 1, 3) * arm.mirror
-    return solver.spine_inverse_many(
-        points,
-        arm.chain,
-        arm.base.kind,
-        arm.base.parameters,
-        with_sines(arm.dh_table[: len(arm.base.joint_names)]),
-        (math.cos(arm.joint_home[1]), math.sin(arm.joint_home[1])),
-    )
+    return joints_from_spines(make_mechanism(arm), points)

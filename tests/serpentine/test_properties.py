@@ -214,10 +214,14 @@ def reports_truly(arm: SerpentineArm, solver: FollowTheLeader, path: TipPath, ti
         text = solver.explain(path, solution, int(i))
         assert path.name in text
         assert "nan" not in text
+    joint_state, loop = np.empty(2 * arm.joints), np.empty(2)
     for s, status in zip(tips, solution.status, strict=True):
-        q, _, alone, _, error = solver.solve_one(path, float(s), solver.initial_module_lengths)
-        assert (alone == CONVERGED) == (status == CONVERGED)
-        assert alone != CONVERGED or (np.all(np.isfinite(q)) and error <= solver.tolerance)
+        start = solver.initial_module_lengths
+        alone = solver.follow(path, (float(s), 0.025), start, joint_state, loop)
+        assert alone == status
+        assert alone != CONVERGED or (
+            np.all(np.isfinite(joint_state[: arm.joints])) and loop[0] <= solver.tolerance
+        )
 
 
 def wild_path(arm: SerpentineArm, points: np.ndarray) -> TipPath | None:

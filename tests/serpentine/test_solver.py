@@ -10,7 +10,8 @@ import pytest
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.path_geometry import find_piece
-from pips_drake.serpentine.solver import LANES, fit_spines, module_length, place_tips
+from pips_drake.serpentine.solver import LANES, module_length
+from pips_drake.serpentine.spine_fit import fit_spines, place_tips
 from pips_drake.serpentine.tip_path import PathBuilder, TipPath
 
 INCH = 0.0254

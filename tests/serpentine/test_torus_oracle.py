@@ -270,7 +270,7 @@ def test_cold_or_warm_start_changes_nothing(invariant_cases):
                 solver.initial_module_lengths * rng.uniform(0.9, 1.0, len(chain)),
             ]
             for start in starts:
-                q, _, status, _, error = solver.solve_one(path, tip, start.copy())
-                assert status == CONVERGED
-                assert error <= solver.tolerance
-                np.testing.assert_allclose(q, cold.joints[i], rtol=0, atol=AGREEMENT)
+                warm = solver.solve(path, [tip], module_lengths=start)
+                assert warm.status[0] == CONVERGED
+                assert warm.spine_error[0] <= solver.tolerance
+                np.testing.assert_allclose(warm.joints[0], cold.joints[i], rtol=0, atol=AGREEMENT)
