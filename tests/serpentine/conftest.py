@@ -12,11 +12,17 @@ from pips_drake.config import load_yaml, validate
 from pips_drake.scene.packages import find_arm_file
 from pips_drake.serpentine.arm import SerpentineArm, load_arm, make_arm
 from pips_drake.serpentine.arm_file import ArmFile, JointConfig, SegmentConfig
+from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 
 
 @pytest.fixture(scope="session")
 def arm() -> SerpentineArm:
     return load_arm("prototype")
+
+
+@pytest.fixture(scope="session")
+def ftl(arm: SerpentineArm) -> FollowTheLeader:
+    return FollowTheLeader(arm)
 
 
 @pytest.fixture(scope="session")

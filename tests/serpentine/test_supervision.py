@@ -1,19 +1,15 @@
-"""Decisions of the supervisor: when it holds, lets go, takes back and stops, and what it names."""
+"""The supervisor holds and lets go: which ways it bars, for how long, and what it names."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pips_drake.errors import InputError
-from pips_drake.serpentine import kinematics
-from pips_drake.serpentine.drives import drive_limits
 from pips_drake.serpentine.motion_words import (
     DONE,
     DWELLING,
@@ -31,73 +27,22 @@ from pips_drake.serpentine.supervision import (
     Decision,
     Measurement,
     Mode,
-    command_of,
     decide,
 )
-from pips_drake.serpentine.supervisor_config import SupervisorConfig
-from pips_drake.serpentine.tracking import largest_share, tracking_error
 
-PERIOD = 1.0 / 32.0
-LATENCY = 0.1
-SPEED = 0.025
-#: Hold at 20 mm, resume at 25, retract at 10; own 5 and 8; tracking 40 and 25; force 0.98 and 0.8.
-CONFIG = SupervisorConfig()
-THRESHOLDS = CONFIG.thresholds(LATENCY)
-#: Latency and half of the half second's ramp.
-STOPPING_TIME = 0.35
-
-#: An arm that moves on in free space.
-FREE = Measurement(
-    clearance=0.5,
-    clearance_rate=0.0,
-    own_clearance=0.17,
-    own_rate=0.0,
-    tracking_error=0.5e-3,
-    force_share=0.4,
-    healthy=True,
-    tip_rate=SPEED,
-    phase=EXTENDING,
-    wish=RUN,
+from .supervised_moments import (
+    CONFIG,
+    FREE,
+    LATENCY,
+    PERIOD,
+    SPEED,
+    STANDING,
+    THRESHOLDS,
+    TRIGGERS,
+    after,
+    command,
+    held_ahead,
 )
-STANDING = replace(FREE, tip_rate=0.0)
-#: What makes each lasting cause active, and what is between its thresholds, and clear of both.
-TRIGGERS = {
-    Cause.CLEARANCE: [
-        {"clearance": 0.009},
-        {"clearance": 0.022},
-        {"clearance": 0.026},
-    ],
-    Cause.SELF_CLEARANCE: [
-        {"own_clearance": 0.002},
-        {"own_clearance": 0.006},
-        {"own_clearance": 0.009},
-    ],
-    Cause.TRACKING: [
-        {"tracking_error": 0.041},
-        {"tracking_error": 0.030},
-        {"tracking_error": 0.024},
-    ],
-    Cause.FORCE: [{"force_share": 0.99}, {"force_share": 0.9}, {"force_share": 0.79}],
-    Cause.ENCODER: [{"healthy": False}],
-}
-
-
-def after(*seen, before=None, thresholds=THRESHOLDS):
-    """The decision after a sequence of measurements."""
-    decision = before or Decision()
-    for one in seen:
-        decision = decide(decision, one, thresholds, PERIOD)
-    return decision
-
-
-def command(decision, seen):
-    return command_of(decision, seen.wish, seen.phase, THRESHOLDS.safe_share)
-
-
-def held_ahead():
-    """Held at rest, 20 mm before something that lies ahead."""
-    closing = replace(FREE, clearance=0.028, clearance_rate=-SPEED)
-    return after(closing, replace(STANDING, clearance=0.020))
 
 
 def test_in_order_every_wish_passes_at_full_speed():
@@ -218,54 +163,6 @@ def test_when_the_gravest_cause_goes_the_next_is_named():
     assert (decision.mode, decision.cause) == (Mode.HOLD, Cause.FORCE)
 
 
-def wait(decision, seen, seconds):
-    return after(*[seen] * round(seconds / PERIOD), before=decision)
-
-
-@pytest.mark.parametrize("cause", [Cause.CLEARANCE, Cause.SELF_CLEARANCE, Cause.FORCE])
-def test_out_of_patience_it_goes_back_at_the_safe_speed(cause):
-    between = replace(STANDING, **TRIGGERS[cause][1])
-    start = after(replace(STANDING, **TRIGGERS[cause][0]))
-    held = replace(start, mode=Mode.HOLD, waited=0.0)
-    held = wait(held, between, CONFIG.patience_s - PERIOD)
-    assert held.mode == Mode.HOLD
-    back = wait(held, between, PERIOD)
-    assert (back.mode, back.cause) == (Mode.RETRACT, cause)
-    assert command(back, between) == (RETRACT, CONFIG.safe_speed_fraction)
-
-
-@pytest.mark.parametrize("cause", [Cause.TRACKING, Cause.ENCODER])
-def test_out_of_patience_it_stops_where_no_way_is_safe(cause):
-    active = replace(STANDING, **TRIGGERS[cause][0])
-    stopped = wait(Decision(), active, CONFIG.patience_s + PERIOD)
-    assert (stopped.mode, stopped.cause) == (Mode.STOP, cause)
-
-
-def test_out_of_patience_on_the_way_back_it_stops():
-    closing = replace(
-        FREE, clearance=0.02, clearance_rate=-SPEED, tip_rate=-SPEED, phase=RETRACTING
-    )
-    rest = replace(closing, clearance=0.015, clearance_rate=0.0, tip_rate=0.0)
-    stopped = wait(after(closing), rest, CONFIG.patience_s + PERIOD)
-    assert (stopped.mode, stopped.cause) == (Mode.STOP, Cause.CLEARANCE)
-
-
-def test_it_waits_for_an_operator_who_holds_and_for_ever_without_patience():
-    rest = replace(STANDING, clearance=0.020, wish=HOLD)
-    assert wait(held_ahead(), rest, 60.0).mode == Mode.HOLD
-    endless = replace(CONFIG, patience_s=0.0).thresholds(LATENCY)
-    rest = replace(rest, wish=RUN)
-    assert after(*[rest] * 2000, before=held_ahead(), thresholds=endless).mode == Mode.HOLD
-
-
-def test_what_comes_nearer_is_fled_without_waiting():
-    coming = [replace(STANDING, clearance=d) for d in (0.018, 0.014, 0.0101)]
-    held = after(*coming, before=held_ahead())
-    assert held.mode == Mode.HOLD
-    back = after(replace(STANDING, clearance=0.0099), before=held)
-    assert (back.mode, back.cause) == (Mode.RETRACT, Cause.CLEARANCE)
-
-
 def test_a_way_out_that_leads_nearer_is_barred_too():
     held = held_ahead()
     assert held.least == 0.020
@@ -286,55 +183,6 @@ def test_a_way_out_is_left_to_the_operator_until_it_is_clear():
     assert (out.mode, out.cause) == (Mode.HOLD, Cause.CLEARANCE)
     free = after(replace(leaving[-1], clearance=0.0251), before=out)
     assert (free.mode, free.least) == (Mode.PERMIT, math.inf)
-
-
-def retracting():
-    return replace(held_ahead(), mode=Mode.RETRACT)
-
-
-def test_a_retraction_is_not_left_and_the_operator_may_hold_or_hurry_it():
-    clear = replace(STANDING, tip_rate=-0.5 * SPEED, phase=RETRACTING)
-    back = after(clear, clear, before=retracting())
-    assert (back.mode, back.cause) == (Mode.RETRACT, Cause.CLEARANCE)
-    assert command(back, clear) == (RETRACT, CONFIG.safe_speed_fraction)
-    for wish in (HOLD, RETRACT):
-        assert command(back, replace(clear, wish=wish)) == (wish, 1.0)
-
-
-@pytest.mark.parametrize("cause", BY_GRAVITY)
-def test_a_retraction_that_meets_anything_stops(cause):
-    seen = replace(STANDING, tip_rate=-0.5 * SPEED, phase=RETRACTING, **TRIGGERS[cause][0])
-    # Nothing but the hold's own cause was active, and it has gone.
-    back = replace(Decision(), mode=Mode.RETRACT, cause=Cause.CLEARANCE)
-    stopped = after(seen, before=back)
-    assert (stopped.mode, stopped.cause) == (Mode.STOP, cause)
-    assert command(stopped, seen) == (HOLD, 1.0)
-
-
-def test_a_stop_is_not_left_whatever_happens():
-    stopped = Decision(mode=Mode.STOP, cause=Cause.ENCODER)
-    for wish, phase in itertools.product((RUN, HOLD, RETRACT), (EXTENDING, RETRACTING, DONE)):
-        seen = replace(FREE, wish=wish, phase=phase)
-        assert after(seen, before=stopped) == stopped
-        assert command(stopped, seen) == (HOLD, 1.0)
-
-
-#: Urgent ones may be unknown.
-NOT_NUMBERS = ("healthy", "phase", "urgent_clearance", "urgent_rate")
-NUMBERS = [f.name for f in fields(Measurement) if f.name not in NOT_NUMBERS]
-
-
-@pytest.mark.parametrize("name", NUMBERS)
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("mode", [Mode.PERMIT, Mode.HOLD, Mode.RETRACT])
-def test_what_is_no_number_stops(name, value, mode):
-    stopped = after(replace(FREE, **{name: value}), before=Decision(mode=mode))
-    assert (stopped.mode, stopped.cause) == (Mode.STOP, Cause.INVALID)
-
-
-def test_a_command_that_is_no_word_stops():
-    for wish in (0.5, 2.0, -0.1):
-        assert after(replace(FREE, wish=wish)).cause == Cause.INVALID
 
 
 MEASUREMENTS = st.builds(
@@ -371,64 +219,3 @@ def test_whatever_is_measured_the_command_never_goes_where_it_is_barred(sequence
         # Modes are left in one direction only, but for holds.
         assert before.mode != Mode.STOP or decision.mode == Mode.STOP
         assert before.mode != Mode.RETRACT or decision.mode in (Mode.RETRACT, Mode.STOP)
-
-
-def test_the_tracking_error_is_the_farthest_spine_points(arm, random_postures):
-    wanted, reached = random_postures(arm, 20), random_postures(arm, 40)[20:]
-    points = [kinematics.spine_points(arm, q) for q in (wanted, reached)]
-    distances = np.linalg.norm(points[0] - points[1], axis=-1)
-    spine = np.array(arm.spine_indices)
-    for i in range(20):
-        error, joint = tracking_error(arm.dh_table, spine, wanted[i], reached[i])
-        # Metres of sums of products.
-        assert error == pytest.approx(distances[i].max(), abs=1e-13)
-        assert joint == spine[np.argmax(distances[i])]
-
-
-def test_one_nan_among_many_numbers_is_not_lost(arm):
-    q, spine = np.zeros(18), np.array(arm.spine_indices)
-    limits = drive_limits(arm)[3]
-    for j in range(17):  # the last joint turns about its own spine point
-        bad = q.copy()
-        bad[j] = np.nan
-        assert math.isnan(tracking_error(arm.dh_table, spine, q, bad)[0]), j
-        share, drive = largest_share(np.where(np.arange(18) == j, np.nan, 2.0 * limits), limits)
-        assert math.isnan(share) and drive == j
-
-
-def test_the_largest_share_is_found_whatever_its_sign(arm):
-    limits = drive_limits(arm)[3]
-    efforts = 0.3 * limits
-    efforts[7] = -0.9 * limits[7]
-    share, drive = largest_share(efforts, limits)
-    assert (share, drive) == (pytest.approx(0.9, rel=1e-15), 7)
-
-
-BAD = {
-    "hold_clearance_mm": (9.0, r"supervisor.hold_clearance_mm = 9.0; must be > retract_clearance"),
-    "resume_clearance_mm": (20.0, "> hold_clearance_mm"),
-    "retract_clearance_mm": (-1.0, ">= 0"),
-    "own_resume_clearance_mm": (5.0, "> own_hold_clearance_mm"),
-    "tracking_resume_mm": (0.0, "> 0"),
-    "tracking_hold_mm": (25.0, "> tracking_resume_mm"),
-    "force_fraction_hold": (0.8, "> force_fraction_resume"),
-    "closing_speed_mm_per_s": (-1.0, ">= 0"),
-    "give_way_mm": (-1.0, ">= 0"),
-    "hold_ramp_s": (0.0, "> 0"),
-    "patience_s": (-1.0, ">= 0"),
-    "safe_speed_fraction": (0.0, "0.01 .. 1"),
-    "overtime_s": (1e6, "<= 86400"),
-}
-
-
-@pytest.mark.parametrize("name", sorted(BAD))
-def test_thresholds_that_make_no_sense_are_refused(name):
-    value, message = BAD[name]
-    with pytest.raises(InputError, match=message):
-        replace(CONFIG, **{name: value}).validate()
-
-
-def test_thresholds_are_the_scenarios_in_si():
-    assert THRESHOLDS.hold_clearance == pytest.approx(0.020)
-    assert THRESHOLDS.stopping_time == pytest.approx(STOPPING_TIME)
-    assert THRESHOLDS.patience == 5.0

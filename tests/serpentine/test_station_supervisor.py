@@ -1,0 +1,72 @@
+"""The supervisor in the station: it holds and stops the arm, in time, and may be left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pips_drake.serpentine.scenario import ClockConfig
+from pips_drake.serpentine.station import MakeSerpentineStation
+from pips_drake.serpentine.station.supervision import supervision_latency, supervision_period
+from pips_drake.serpentine.supervision import Cause, Mode
+from pips_drake.serpentine.systems.tip_path_source import HOLD, RUN
+
+from .station_bench import Bench, scenario
+
+
+def test_a_supervised_arm_is_held_when_an_encoder_fails_and_stopped_when_it_stays_so():
+    bench = Bench(scenario(supervisor__patience_s=1.0))
+    health = bench.station.GetInputPort("motion_supervisor.encoder_health")
+    bench.advance(2.0)
+    assert bench["motion_supervisor.mode"] == Mode.PERMIT
+    before = bench["tip_path_source.tip"]
+    assert before[1] > 0.02
+    health.FixValue(bench.context, np.arange(18) != 7)
+    bench.advance(0.75)
+    assert (bench["motion_supervisor.mode"], bench["motion_supervisor.cause"]) == (
+        Mode.HOLD,
+        Cause.ENCODER,
+    )
+    # At most a supervision period of 1/32 s and a control period late, and half a second's ramp, of
+    # which the mean speed is half; the tip is no faster than 25 mm/s.
+    gone = bench["tip_path_source.tip"] - before
+    assert bench["tip_path_source.tip"][1] == 0.0
+    assert gone[0] <= 0.025 * (1.0 / 32.0 + 1.0 / 64.0 + 0.25)
+    bench.advance(0.5)
+    assert bench["motion_supervisor.mode"] == Mode.STOP
+    # Nobody gets past a stop.
+    health.FixValue(bench.context, np.ones(18))
+    bench.command(RUN)
+    bench.advance(0.25)
+    assert bench["motion_supervisor.command"] == HOLD
+    assert bench["tip_path_source.tip"][1] == 0.0
+
+
+def test_without_a_supervisor_the_operator_has_the_path_source():
+    bench = Bench(scenario(supervisor__enabled=False), command=HOLD)
+    ports = [
+        bench.station.get_input_port(i).get_name() for i in range(bench.station.num_input_ports())
+    ]
+    assert ports == ["tip_path_source.command"]
+    bench.advance(0.25)
+    assert bench["tip_path_source.tip"][1] == 0.0
+
+
+def test_the_supervisors_latency_is_the_stations():
+    # By default: 1/32 s until sampled, 1/64 s until decided, and 3/64 s + 2/512 s to the plant.
+    latency = 1.0 / 32.0 + 1.0 / 64.0 + 3.0 / 64.0 + 2.0 / 512.0
+    assert supervision_latency(ClockConfig()) == latency
+    supervisor = MakeSerpentineStation(scenario()).GetSubsystemByName("motion_supervisor")
+    # v t + v^2 / (2 a) with a = v / ramp, for each v: half the ramp's time.
+    assert supervisor.thresholds.stopping_time == latency + 0.25
+
+
+@pytest.mark.parametrize(
+    ("clearance_hz", "control_hz", "period", "offset"),
+    [(32, 64, 1 / 32, 1 / 64), (64, 64, 1 / 64, 0.0), (128, 32, 1 / 32, 0.0), (1, 64, 1.0, 1 / 64)],
+)
+def test_the_supervisor_decides_as_often_as_there_is_something_new(
+    clearance_hz, control_hz, period, offset
+):
+    clocks = ClockConfig(clearance_hz=clearance_hz, control_hz=control_hz)
+    assert supervision_period(clocks) == (period, offset)
