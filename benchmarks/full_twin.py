@@ -19,11 +19,10 @@ from pydrake.trajectories import PiecewisePolynomial
 from benchmarks.measuring import Array, Line, measure_in_turn
 from pips_drake.scenarios import load_scenario
 from pips_drake.scene.loading import AddScene
-from pips_drake.serpentine.drives import joint_stiffness
 from pips_drake.serpentine.motion_profile import RestToRestProfile
 from pips_drake.serpentine.runs.run import make_run_diagram
 from pips_drake.serpentine.scenario import SerpentineScenario
-from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.statics import sag
 from pips_drake.serpentine.station import (
     BASE_FRAME,
     AddSerpentineArm,
@@ -155,7 +154,7 @@ def make_bare_diagram(scenario: SerpentineScenario, setup: SerpentineSetup) -> D
     joints = setup.solver.solve(setup.path, tips).joints
     # Sent as much farther as gravity bends the arm, as the station's compensator does.
     gravity = gravity_in_frame_0(plant)
-    sent = joints + holding_efforts(setup.arm, joints, gravity) / joint_stiffness(setup.arm)
+    sent = joints + sag(setup.arm, joints, gravity)
     trajectory = PiecewisePolynomial.CubicShapePreserving(times, sent.T)
     source = builder.AddNamedSystem(
         "trajectory_source", TrajectorySource(trajectory, output_derivative_order=1)

@@ -17,9 +17,9 @@ from typing import Any
 import tyro
 
 from pips_drake.command_line import (
+    Interrupts,
     check_current_directory,
     complaint_in,
-    interrupt_on_signals,
     tell_of_compiling,
 )
 from pips_drake.command_report import BAD_INPUT, FAILED, INTERRUPTED, complain
@@ -28,6 +28,7 @@ from pips_drake.errors import InputError, PipsError
 
 # Where results cannot be written: no room, no right, or a medium that fails.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EIO}
+_NOTHING_WRITTEN = "interrupted; nothing was written"
 # What a shell says of a program that wrote to a closed pipe (128 + SIGPIPE).
 PIPE_CLOSED = 141
 
@@ -49,8 +50,9 @@ def main(args: Sequence[str] | None = None) -> None:
 
 def _run(args: Sequence[str] | None) -> int:
     """Parses and runs; returns the exit code."""
+    interrupts = Interrupts()
     if args is None:
-        interrupt_on_signals()
+        interrupts.install()
     try:
         command = _parse(args)
         check_current_directory()
@@ -66,7 +68,12 @@ def _run(args: Sequence[str] | None) -> int:
             raise
         return complain(f"{error.filename or 'output'}: {error.strerror}", BAD_INPUT)
     except KeyboardInterrupt:
-        return complain("interrupted; nothing was written", INTERRUPTED)
+        interrupts.end()
+        return complain(_NOTHING_WRITTEN, INTERRUPTED)
+    except Exception:
+        if interrupts.end():
+            return complain(_NOTHING_WRITTEN, INTERRUPTED)
+        raise
     return code
 
 

@@ -6,30 +6,56 @@ import re
 import signal
 import sys
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from pips_drake.errors import InputError
 
+#: How soon an interrupt that got lost comes again, s.
+_AGAIN = 0.02
 
-def interrupt_on_signals() -> None:
-    """Makes every polite way to stop the program an interrupt that cleans up and is never lost."""
-    # A kill, and a terminal that is closed, clean up as Ctrl-C does: no half-written folder stays
-    # behind. Under nohup the latter is ignored, and stays so.
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, signal.default_int_handler)
-    # An exception raised in a callback from C (numba's compiler has many) goes no farther than the
-    # callback: Python reports it to this hook and carries on. So the interrupt comes once more.
-    signal.signal(signal.SIGALRM, signal.default_int_handler)
-    report = sys.unraisablehook
 
-    def interrupt_again(unraisable: Any) -> None:
+class Interrupts:
+    """Makes every polite way to stop the program an interrupt that cleans up and is never lost.
+
+    A kill, and a terminal that is closed, clean up as Ctrl-C does: no half-written folder stays
+    behind. Under nohup the latter is ignored, and stays so.
+
+    An exception raised in a callback from C (numba's compiler has many) goes no farther than the
+    callback: Python reports it to a hook and carries on, with whatever the callback left undone. So
+    the interrupt comes once more; and what breaks until then breaks because of it.
+    """
+
+    def __init__(self) -> None:
+        self._lost = False
+        self._report = sys.unraisablehook
+
+    def install(self) -> None:
+        """Takes the process's signals, its alarm clock, and Python's hook."""
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, signal.default_int_handler)
+        signal.signal(signal.SIGALRM, self._raise_again)
+        sys.unraisablehook = self._look
+
+    def end(self) -> bool:
+        """Whether one got lost that has not come again; none comes after this."""
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return self._lost
+
+    def _look(self, unraisable: Any) -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
-            report(unraisable)
+            self._report(unraisable)
             return
-        signal.setitimer(signal.ITIMER_REAL, 0.02)
+        self._lost = True
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
 
-    sys.unraisablehook = interrupt_again
+    def _raise_again(self, number: int, frame: FrameType | None) -> None:
+        if sys.exception() is not None:
+            # On the way out already, perhaps cleaning up, which must not be cut short.
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            return
+        raise KeyboardInterrupt
 
 
 def tell_of_compiling() -> None:

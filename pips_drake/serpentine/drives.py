@@ -18,6 +18,11 @@ from pips_drake.serpentine.linkage import actuator_angle, actuator_length, actua
 Array = NDArray[np.float64]
 
 
+def drive_names(arm: SerpentineArm) -> tuple[str, ...]:
+    """`d1`, `theta2`, `L3`, ..."""
+    return arm.joint_names[: arm.first_actuated_joint] + arm.actuator_names
+
+
 def drive_columns(arm: SerpentineArm) -> tuple[str, ...]:
     """Names of the drives' coordinates with their units: `d1_m`, `theta2_rad`, `L3_m`, ..."""
     base = arm.joint_columns[: arm.first_actuated_joint]
@@ -91,16 +96,6 @@ def joint_effort_limit(arm: SerpentineArm) -> Array:
     """Effort limits of the joints where the hinges are straight, (joints,) N and Nm."""
     hinges = arm.linkage.force_limit * arm.linkage.lever(np.zeros(len(arm.actuator_names)))
     return np.concatenate([arm.base_effort_limit, hinges])
-
-
-def deflection_offset(arm: SerpentineArm, joints: ArrayLike, holding_efforts: ArrayLike) -> Array:
-    """How much farther the drives must be sent to stand where they are wanted, (..., joints).
-
-    A drive of joint stiffness K that holds an effort tau stands tau / K short of its command.
-    """
-    q = np.asarray(joints, dtype=np.float64)
-    aim = q + np.asarray(holding_efforts) / joint_stiffness(arm)
-    return drives_from_joints(arm, aim) - drives_from_joints(arm, q)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -10,6 +10,7 @@ from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.dh_chain import joint_frames
 from pips_drake.serpentine.motion_base import PRISMATIC
+from pips_drake.serpentine.statics import weighed_chain
 
 Array = NDArray[np.float64]
 
@@ -43,16 +44,9 @@ def inverse_dynamics(
                 f"{name} of shape {values.shape}; must be (N, {arm.joints}) for arm '{arm.name}', "
                 "the same N for all"
             )
-    if np.shape(gravity) != (3,):
-        raise InputError(f"gravity of shape {np.shape(gravity)}; must be (3,), m/s^2")
-    # A mirrored arm under mirrored gravity has the same joint efforts.
-    gravity_drawn = np.asarray(gravity, dtype=np.float64) * arm.mirror
-    masses = np.array([body.mass for body in arm.bodies])
-    centres = np.array([body.centre for body in arm.bodies])
+    dh, masses, centres, gravity_drawn = weighed_chain(arm, gravity)
     moments = np.array([body.moments for body in arm.bodies])
-    return np.asarray(
-        _chain_efforts(arm.dh_table, q, v, a, masses, centres, moments, gravity_drawn)
-    )
+    return np.asarray(_chain_efforts(dh, q, v, a, masses, centres, moments, gravity_drawn))
 
 
 @numba.njit(cache=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pips_drake.errors import UnknownNameError
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import drives_from_joints
+from pips_drake.serpentine.drives import drive_names, drives_from_joints
 from pips_drake.serpentine.fault_config import DRIVE_FAULTS, ENCODER_FAULTS, FaultConfig
 from pips_drake.units import DEGREE
 
@@ -47,11 +47,6 @@ class Fault:
     def is_active(self, time: float) -> bool:
         """Whether it is there at a time, s."""
         return self.start - _ROUNDING <= time < self.end - _ROUNDING
-
-
-def drive_names(arm: SerpentineArm) -> tuple[str, ...]:
-    """`d1`, `theta2`, `L3`, ..."""
-    return (*arm.joint_names[: arm.first_actuated_joint], *arm.actuator_names)
 
 
 def end_of(config: FaultConfig) -> float:

@@ -31,12 +31,10 @@ from pips_drake.serpentine.links import (
     seen_numbers,
     touching_groups,
 )
-from pips_drake.serpentine.mounting import mounting_rotation
+from pips_drake.serpentine.mounting import GRAVITY, mounting_rotation
 
 #: The step of the twin's plant, s.
 TIME_STEP = 1.0 / 512.0
-#: Standard gravity as Drake's plants have it, m/s^2.
-GRAVITY = 9.81
 
 
 def make_mjcf(arm: SerpentineArm, mounting: str = "laboratory") -> str:

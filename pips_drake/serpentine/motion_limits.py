@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import drive_limits, levers
+from pips_drake.serpentine.drives import drive_limits, drive_names, levers
 from pips_drake.serpentine.dynamics import inverse_dynamics
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.time_optimal import (
@@ -123,11 +123,6 @@ def path_motion(
         swing=(inverse_dynamics(arm, middle, rates[1::2], changes, gravity) - hold) / lever[1::2],
         hold=hold / lever[1::2],
     )
-
-
-def drive_names(arm: SerpentineArm) -> tuple[str, ...]:
-    """`d1`, `theta2`, `L3`, ..."""
-    return arm.joint_names[: arm.first_actuated_joint] + arm.actuator_names
 
 
 def motion_limits(

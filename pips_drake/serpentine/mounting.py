@@ -19,6 +19,10 @@ MOUNTINGS: dict[str, Array] = {
 }
 
 
+#: Standard gravity as Drake's plants have it, m/s^2.
+GRAVITY = 9.81
+
+
 def mounting_rotation(name: str) -> Array:
     """Rotation R_W0 (3, 3) of frame {0} in the world.
 
@@ -28,3 +32,14 @@ def mounting_rotation(name: str) -> Array:
     if name not in MOUNTINGS:
         raise UnknownNameError("mounting", name, list(MOUNTINGS))
     return MOUNTINGS[name].copy()
+
+
+def mounting_gravity(name: str) -> Array:
+    """Gravity in frame {0}, (3,) m/s^2.
+
+    Raises:
+        UnknownNameError: no such mounting.
+    """
+    down = np.array([0.0, 0.0, -GRAVITY])
+    gravity: Array = mounting_rotation(name).T @ down
+    return gravity

@@ -30,10 +30,19 @@ def holding_efforts(arm: SerpentineArm, q: ArrayLike, gravity: ArrayLike) -> Arr
         raise InputError(
             f"joint values of shape {np.shape(q)}; must be (N, {arm.joints}) for arm '{arm.name}'"
         )
-    if np.shape(gravity) != (3,):
-        raise InputError(f"gravity of shape {np.shape(gravity)}; must be (3,), m/s^2")
     chain = weighed_chain(arm, gravity)
     return -np.asarray(gravity_efforts(chain[0], postures, *chain[1:]))
+
+
+def sag(arm: SerpentineArm, q: ArrayLike, gravity: ArrayLike) -> Array:
+    """How far joints stand short of where they are sent, (N, joints), m and rad.
+
+    A joint of stiffness K that holds an effort tau at its posture stands tau / K short.
+
+    Args:
+        q, gravity: as of `holding_efforts`.
+    """
+    return holding_efforts(arm, q, gravity) / joint_stiffness(arm)
 
 
 def weighed_chain(arm: SerpentineArm, gravity: ArrayLike) -> tuple[Array, Array, Array, Array]:
@@ -44,7 +53,12 @@ def weighed_chain(arm: SerpentineArm, gravity: ArrayLike) -> tuple[Array, Array,
 
     Returns:
         chain's rows (J, 5); masses (J,) kg; centres of mass (J, 3) m; gravity (3,) m/s^2.
+
+    Raises:
+        InputError: `gravity` has another shape.
     """
+    if np.shape(gravity) != (3,):
+        raise InputError(f"gravity of shape {np.shape(gravity)}; must be (3,), m/s^2")
     # A mirrored arm under mirrored gravity has the same joint efforts.
     gravity_drawn = np.asarray(gravity, dtype=np.float64) * arm.mirror
     masses = np.array([body.mass for body in arm.bodies])
@@ -66,7 +80,7 @@ def leg_deflection_terms(arm: SerpentineArm, gravity: ArrayLike) -> tuple[Array,
 def write_deflection_offset(
     dh, masses, centres, gravity, stiffness, triangles, joint_state, offset
 ):
-    """`drives.deflection_offset` under the efforts that hold one posture against gravity.
+    """How much farther drives must be sent to stand at one posture: the joints' `sag` (at it).
 
     Args:
         dh, masses, centres, gravity, stiffness, triangles: `deflection_terms`.

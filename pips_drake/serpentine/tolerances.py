@@ -7,16 +7,14 @@ every other one. Names and units are those of a study's `tolerances`.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from pips_drake.config import read_text, require
-from pips_drake.errors import InputError, UnknownNameError
+from pips_drake.config import require
+from pips_drake.errors import UnknownNameError
 from pips_drake.serpentine.arm import SerpentineArm, make_arm
 from pips_drake.serpentine.arm_file import ArmFile
 from pips_drake.units import DEGREE, INCH
@@ -96,44 +94,6 @@ def arm_with_errors(config: ArmFile, errors: Errors) -> SerpentineArm:
         segment.length_in += float(length[i])
         segment.offset_in = max(0.0, segment.offset_in + float(offset[i]))
     return make_arm(varied)
-
-
-def displaced_scene(scene_file: Path, body: str, displacement: Array) -> str:
-    """The model directives of a scene in which one body stands elsewhere.
-
-    Args:
-        body: scoped name of a body that the scene welds, such as payload::payload.
-        displacement: (3,) m, in the frame that it is welded to.
-
-    Raises:
-        InputError: the scene's file does not weld the body with a translation.
-    """
-    text = read_text(scene_file)
-    for weld in _welds(yaml.compose(text, Loader=yaml.SafeLoader)):
-        child, pose = weld.get("child"), dict(_items(weld.get("X_PC")))
-        place = pose.get("translation")
-        if child is None or child.value != body or not isinstance(place, yaml.SequenceNode):
-            continue
-        moved = np.array([float(item.value) for item in place.value]) + displacement
-        written = "[" + ", ".join(f"{value:.17g}" for value in moved) + "]"
-        return text[: place.start_mark.index] + written + text[place.end_mark.index :]
-    raise InputError(
-        f"{scene_file.name}: must weld '{body}' with X_PC.translation, so that it can be displaced"
-    )
-
-
-def _welds(root: yaml.Node | None) -> Iterator[dict[str, yaml.Node]]:
-    directives = dict(_items(root)).get("directives")
-    for directive in directives.value if isinstance(directives, yaml.SequenceNode) else ():
-        weld = dict(_items(directive)).get("add_weld")
-        if weld is not None:
-            yield dict(_items(weld))
-
-
-def _items(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
-    if not isinstance(node, yaml.MappingNode):
-        return []
-    return [(str(key.value), value) for key, value in node.value]
 
 
 def worst_of(widths: Array, gradient: Array) -> Array:

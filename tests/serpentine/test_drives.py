@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from pips_drake.serpentine.drives import (
-    deflection_offset,
     drive_columns,
     drive_efforts,
     drive_limits,
@@ -102,18 +100,6 @@ def test_the_true_stiffness_departs_from_the_constant_one_as_documented(arm):
     for angle, share in ((-30.0, 1.5), (30.0, 0.5)):
         true = arm.linkage.joint_stiffness(np.full(16, angle * DEGREE))
         np.testing.assert_allclose(true / joint_stiffness(arm)[2:], share, rtol=1e-14)
-
-
-@pytest.mark.parametrize("mirrored", [False, True])
-def test_deflection_offset_turns_the_joints_by_effort_over_stiffness(
-    arm_variant, random_postures, mirrored
-):
-    arm = arm_variant(mirrored=mirrored)
-    q = random_postures(arm, 50)
-    tau = np.random.default_rng(12).normal(0.0, 500.0, q.shape)
-    sent = drives_from_joints(arm, q) + deflection_offset(arm, q, tau)
-    turned = joints_from_drives(arm, sent) - q
-    np.testing.assert_allclose(turned, tau / joint_stiffness(arm), rtol=0, atol=1e-14)
 
 
 def test_many_postures_give_what_each_gives_alone(arm, random_postures):

@@ -7,10 +7,9 @@ import pytest
 
 from pips_drake.config import load_yaml
 from pips_drake.errors import InputError, UnknownNameError
-from pips_drake.serpentine.drives import drives_from_joints
+from pips_drake.serpentine.drives import drive_names, drives_from_joints
 from pips_drake.serpentine.fault_config import FaultConfig
 from pips_drake.serpentine.faults import (
-    drive_names,
     limits_with_faults,
     make_drive_faults,
     make_encoder_faults,

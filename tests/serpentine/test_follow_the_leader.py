@@ -146,12 +146,12 @@ def test_the_converged_answer_does_not_depend_on_where_it_started(ftl, arm):
     together = ftl.solve(path, path.samples(2.0 * INCH))
     for start in (arm.module_length_range[0], arm.module_length_range[1]):
         for s, expected in zip(together.tip_arc_lengths[::7], together.joints[::7], strict=True):
-            q, arcs, status, _, error = ftl.solve_one(path, s, start.copy())
-            assert status == CONVERGED
-            assert error <= ftl.tolerance
-            assert arcs[-1] == s
+            alone = ftl.solve(path, [s], module_lengths=start)
+            assert alone.status[0] == CONVERGED
+            assert alone.spine_error[0] <= ftl.tolerance
+            assert alone.spine_arc_lengths[0, -1] == s
             # Both errors are below 2.5e-11 m; over modules of 0.32 m, some 1e-10 rad, adding up.
-            np.testing.assert_allclose(q, expected, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(alone.joints[0], expected, rtol=0, atol=1e-9)
 
 
 def test_one_point_alone_gives_what_it_gives_among_others(ftl):
@@ -159,9 +159,9 @@ def test_one_point_alone_gives_what_it_gives_among_others(ftl):
     s = path.samples(3.0 * INCH)
     together = ftl.solve(path, s)
     for i in range(0, len(s), 5):
-        q, arcs, *_ = ftl.solve_one(path, s[i], ftl.initial_module_lengths)
-        np.testing.assert_array_equal(q, together.joints[i])
-        np.testing.assert_array_equal(arcs, together.spine_arc_lengths[i])
+        alone = ftl.solve(path, s[i : i + 1])
+        np.testing.assert_array_equal(alone.joints[0], together.joints[i])
+        np.testing.assert_array_equal(alone.spine_arc_lengths[0], together.spine_arc_lengths[i])
 
 
 def test_splitting_segments_changes_nothing(ftl):

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from pips_drake.errors import InputError, NotFollowableError
-from pips_drake.serpentine.drives import drive_efforts, drive_limits, drives_from_joints
+from pips_drake.serpentine.drives import (
+    drive_efforts,
+    drive_limits,
+    drive_names,
+    drives_from_joints,
+)
 from pips_drake.serpentine.dynamics import inverse_dynamics
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.motion_limits import (
-    drive_names,
     fastest_motion,
     motion_limits,
     path_motion,

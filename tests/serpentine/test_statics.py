@@ -9,11 +9,17 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine import kinematics
+from pips_drake.serpentine.drives import drives_from_joints, joint_stiffness, joints_from_drives
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.mounting import MOUNTINGS, mounting_rotation
 from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.sdf import make_sdf
-from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.statics import (
+    deflection_terms,
+    holding_efforts,
+    sag,
+    write_deflection_offset,
+)
 
 INCH = 0.0254
 G = 9.81
@@ -165,3 +171,19 @@ def test_wrong_shapes_are_refused_with_what_is_allowed(arm):
         holding_efforts(arm, np.zeros(17), [0.0, 0.0, -G])
     with pytest.raises(InputError, match=r"gravity of shape \(1,\); must be \(3,\), m/s\^2"):
         holding_efforts(arm, np.zeros(18), [-G])
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_drives_that_are_sent_farther_turn_the_joints_by_their_sag(
+    arm_variant, random_postures, mirrored
+):
+    arm, gravity = arm_variant(mirrored=mirrored), GRAVITIES[2]
+    for q in random_postures(arm, 20):
+        expected = plant_holding_efforts(arm, [q], gravity)[0] / joint_stiffness(arm)
+        # Efforts are Drake's to 1e-10 Nm (above), and the softest hinge has 4.7e4 Nm/rad: what is
+        # left are roundings of angles, and of lengths on levers of 0.1 m.
+        np.testing.assert_allclose(sag(arm, q, gravity)[0], expected, rtol=0, atol=1e-13)
+        offset = np.empty(arm.joints)
+        write_deflection_offset(*deflection_terms(arm, gravity), q, offset)
+        turned = joints_from_drives(arm, drives_from_joints(arm, q) + offset) - q
+        np.testing.assert_allclose(turned, expected, rtol=0, atol=1e-13)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydrake.multibody.parsing import LoadModelDirectives
 
 from pips_drake.config import load_yaml
 from pips_drake.errors import InputError, UnknownNameError
-from pips_drake.scene.packages import find_arm_file, find_file, find_scene_file
+from pips_drake.scene.packages import find_arm_file, find_file
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.arm_file import ArmFile
 from pips_drake.serpentine.runs import margins
@@ -17,7 +16,6 @@ from pips_drake.serpentine.tolerances import (
     TOLERANCES,
     Errors,
     arm_with_errors,
-    displaced_scene,
     draw,
     half_widths,
     worst_of,
@@ -62,26 +60,6 @@ def test_an_arm_without_offsets_has_no_errors_of_them():
     arm = load_arm("pcr_concept")
     widths = half_widths(arm, {"link_mm": 1.0})
     assert np.count_nonzero(widths) == len(arm.segment_length)
-
-
-def test_a_displaced_scene_differs_in_one_translation(tmp_path):
-    file = find_scene_file("trajectory_4")
-    text = displaced_scene(file, "payload::payload", np.array([0.1, -0.2, 0.3]))
-    (tmp_path / "moved.dmd.yaml").write_text(text)
-    before = LoadModelDirectives(str(file)).directives
-    after = LoadModelDirectives(str(tmp_path / "moved.dmd.yaml")).directives
-    assert len(before) == len(after)
-    for one, other in zip(before, after, strict=True):
-        if one.add_weld is None:
-            continue
-        there, here = (np.asarray(weld.X_PC.translation) for weld in (other.add_weld, one.add_weld))
-        moved = [0.1, -0.2, 0.3] if one.add_weld.child == "payload::payload" else [0.0] * 3
-        assert there - here == pytest.approx(moved, abs=1e-12)
-
-
-def test_a_body_that_a_scene_does_not_weld_cannot_be_displaced():
-    with pytest.raises(InputError, match="must weld 'crate::crate'"):
-        displaced_scene(find_scene_file("trajectory_4"), "crate::crate", np.ones(3))
 
 
 @pytest.mark.parametrize("name", sorted(TOLERANCES))

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.drives import drive_efforts, drive_limits, drives_from_joints, levers
+from pips_drake.serpentine.drives import (
+    drive_efforts,
+    drive_limits,
+    drive_names,
+    drives_from_joints,
+    levers,
+)
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.plan import joint_margins, posture_deviation
 from pips_drake.serpentine.scenario import CheckConfig
@@ -134,7 +140,7 @@ class Assessment:
             "actuator_stroke_margin_min_m": self.stroke_margins.min(),
             "actuator_force_max_fraction": np.nanmax(self.effort_fractions[:, first:]),
             "drive_effort_max_fraction": np.nanmax(self.effort_fractions),
-            "drive_effort_max_drive": self._drive_name(int(drive[1])),
+            "drive_effort_max_drive": drive_names(self.arm)[int(drive[1])],
             "drive_effort_max_time_s": data.time[drive[0]],
             "drive_speed_max_fraction": self.speed_fractions.max(),
         }
@@ -186,9 +192,10 @@ class Assessment:
         i, j = np.unravel_index(int(np.nanargmax(fractions)), fractions.shape)
         if fractions[i, j] <= limit:
             return []
+        drive = drive_names(self.arm)[int(j)]
         return [
-            f"drive {self._drive_name(int(j))} needs {100.0 * fractions[i, j]:.0f} % of its {what} "
-            f"limit at {self.data.time[i]:.2f} s; must be <= {100.0 * limit:g} %"
+            f"drive {drive} needs {100.0 * fractions[i, j]:.0f} % of its {what} limit at "
+            f"{self.data.time[i]:.2f} s; must be <= {100.0 * limit:g} %"
         ]
 
     def _joint_failures(self) -> list[str]:
@@ -208,7 +215,3 @@ class Assessment:
             f"joint {self.arm.joint_names[j]} is {-margins[i, j] / unit:.2f} {word} beyond its "
             f"limit at {self.data.time[i]:.2f} s"
         ]
-
-    def _drive_name(self, j: int) -> str:
-        first = self.arm.first_actuated_joint
-        return self.arm.joint_names[j] if j < first else self.arm.actuator_names[j - first]

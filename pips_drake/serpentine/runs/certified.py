@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.motion_extremes import MotionExtremes, motion_extremes
 from pips_drake.serpentine.motion_profile import MotionProfile
+from pips_drake.serpentine.runs.placed_arm import PlacedArm
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
-from pips_drake.serpentine.station import SerpentineSetup, make_profile
+from pips_drake.serpentine.station import SerpentineSetup
 from pips_drake.twin.certificate.certify import ClearanceCertificate, certify_clearance
 from pips_drake.twin.certificate.proof import save_proof
 from pips_drake.twin.certificate.search import Certificate
@@ -70,10 +68,8 @@ def certify_motion(
     scenario: SerpentineScenario,
     setup: SerpentineSetup,
     motion: RecordedMotion,
+    placed: PlacedArm,
     *,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    model: ModelInstanceIndex,
     with_errors: bool = False,
 ) -> CertifiedMotion:
     """Certifies a motion of the arm in a plant that holds arm and scene.
@@ -88,9 +84,9 @@ def certify_motion(
 
     def certify(deviation: Array) -> ClearanceCertificate:
         return certify_clearance(
-            plant,
-            scene_graph.model_inspector(),
-            [model],
+            placed.plant,
+            placed.scene_graph.model_inspector(),
+            [placed.model],
             motion.positions,
             motion.times,
             tolerance=config.tolerance_mm * 1e-3,
@@ -182,84 +178,27 @@ def certified_clearance(certified: CertifiedMotion | None) -> float | None:
     return certified.clearance.scene.lower
 
 
-def certify_commanded(
+def certify(
+    what: Literal["commanded", "simulated"],
     scenario: SerpentineScenario,
     setup: SerpentineSetup,
+    motion: RecordedMotion,
+    placed: PlacedArm,
     *,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    model: ModelInstanceIndex,
-    sampled: dict[str, float],
+    sampled: dict[str, float] | None = None,
 ) -> tuple[CertifiedMotion | None, dict[str, Any], list[str]]:
-    """Certifies what follow-the-leader commands.
+    """Certifies a motion, and says so.
 
     Args:
+        what: which motion; joint errors are allowed for in the commanded one.
         sampled: as in `certified_failures`.
 
     Returns:
         the certified motion, or None where the scene has something that cannot be certified; its
         part of the summary; and sentences that fail the verdict.
     """
-    motion = commanded_motion(scenario, setup, make_profile(scenario, setup))
-    return _certified(
-        "commanded",
-        scenario,
-        setup,
-        motion,
-        plant=plant,
-        scene_graph=scene_graph,
-        model=model,
-        sampled=sampled,
-        with_errors=True,
-    )
-
-
-def certify_simulated(
-    scenario: SerpentineScenario,
-    setup: SerpentineSetup,
-    motion: RecordedMotion,
-    *,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    model: ModelInstanceIndex,
-    sampled: dict[str, float],
-) -> tuple[CertifiedMotion | None, dict[str, Any], list[str]]:
-    """Certifies what the plant did; as `certify_commanded`."""
-    return _certified(
-        "simulated",
-        scenario,
-        setup,
-        motion,
-        plant=plant,
-        scene_graph=scene_graph,
-        model=model,
-        sampled=sampled,
-        with_errors=False,
-    )
-
-
-def _certified(
-    what: str,
-    scenario: SerpentineScenario,
-    setup: SerpentineSetup,
-    motion: RecordedMotion,
-    *,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    model: ModelInstanceIndex,
-    sampled: dict[str, float],
-    with_errors: bool,
-) -> tuple[CertifiedMotion | None, dict[str, Any], list[str]]:
     try:
-        certified = certify_motion(
-            scenario,
-            setup,
-            motion,
-            plant=plant,
-            scene_graph=scene_graph,
-            model=model,
-            with_errors=with_errors,
-        )
+        certified = certify_motion(scenario, setup, motion, placed, with_errors=what == "commanded")
     except InputError as error:
         return None, {f"certificate_{what}_missing": str(error)}, []
     numbers = certified_numbers(certified, setup.arm)
@@ -270,6 +209,7 @@ def _certified(
         if f"{key}_m" in numbers:
             summary[f"{key.replace('_lower', '_certified_min')}_m"] = numbers[f"{key}_m"]
     # Samples end at the monitor's reach, which says nothing of what lies beyond.
-    seen = {name: d for name, d in sampled.items() if d < scenario.clearance_range_m}
+    reach = scenario.clearance_range_m
+    seen = {name: least for name, least in (sampled or {}).items() if least < reach}
     failures = certified_failures(certified, scenario.checks, what=f"{what} motion", sampled=seen)
     return certified, summary, failures

@@ -7,27 +7,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.scene.packages import list_names
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs.certified import (
     CertifiedMotion,
     certified_clearance,
-    certify_commanded,
+    certify,
+    commanded_motion,
     write_proof,
 )
 from pips_drake.serpentine.runs.follow import drive_numbers, plan_numbers, write_plan_figures
 from pips_drake.serpentine.runs.motion_report import motion_report
+from pips_drake.serpentine.runs.placed_arm import PlacedArm, place_arm
 from pips_drake.serpentine.runs.scene_report import report_scene, scenario_text
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
 from pips_drake.serpentine.station import (
-    VISUAL_PERIOD,
     SerpentineSetup,
     gravity_in_frame_0,
     load_setup,
-    make_plant,
+    make_profile,
 )
 from pips_drake.twin.clearance import ClearanceQuery, LeastDistance
 from pips_drake.twin.output_folder import output_folder, write_whole
@@ -120,15 +120,9 @@ def _check(
     clearance: Clearances = []
     certified = None
     if plan.solution.solved.any():
-        builder = DiagramBuilder()
-        # Nothing is shown. With a period the drawn actuators stand still until a simulator asks;
-        # without one they are posed again for each posture, which takes longer than distances.
-        plant, scene_graph, model = make_plant(
-            builder, setup, scenario, visual_period=VISUAL_PERIOD
-        )
-        diagram = builder.Build()
-        clearance = _sample_clearance(plan, scenario, diagram, plant, scene_graph, model)
-        gravity = gravity_in_frame_0(plant)
+        placed = place_arm(scenario, setup)
+        clearance = _sample_clearance(plan, scenario, placed)
+        gravity = gravity_in_frame_0(placed.plant)
         efforts = holding_efforts(setup.arm, plan.joints[plan.solution.solved], gravity)
         speed = scenario.motion.tip_speed_mm_per_s * 1e-3
         summary |= drive_numbers(plan, efforts, speed) | _clearance_numbers(plan, clearance)
@@ -140,12 +134,12 @@ def _check(
             failures += more
         failures += _failures(scenario, plan, clearance, summary)
         if scenario.certificate.enabled and plan.followable and "motion_duration_s" in summary:
-            certified, numbers, more = certify_commanded(
+            certified, numbers, more = certify(
+                "commanded",
                 scenario,
                 setup,
-                plant=plant,
-                scene_graph=scene_graph,
-                model=model,
+                commanded_motion(scenario, setup, make_profile(scenario, setup)),
+                placed,
                 sampled={
                     "clearance": summary["clearance_sampled_min_m"],
                     "self_clearance": summary["self_clearance_sampled_min_m"],
@@ -161,11 +155,10 @@ def _check(
     return Verdict(failures=tuple(failures), summary=summary), plan, clearance, certified
 
 
-def _sample_clearance(
-    plan: Plan, scenario: SerpentineScenario, diagram: Any, plant: Any, scene_graph: Any, model: Any
-) -> Clearances:
+def _sample_clearance(plan: Plan, scenario: SerpentineScenario, placed: PlacedArm) -> Clearances:
+    plant, scene_graph, model = placed.plant, placed.scene_graph, placed.model
     query = ClearanceQuery(plant, [model], max_distance=scenario.clearance_range_m)
-    context = diagram.CreateDefaultContext()
+    context = placed.diagram.CreateDefaultContext()
     plant_context = plant.GetMyContextFromRoot(context)
     scene_context = scene_graph.GetMyContextFromRoot(context)
     result = []

@@ -14,10 +14,12 @@ from pydrake.systems.framework import DiagramBuilder
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm_file import ArmFile
-from pips_drake.serpentine.drives import drive_efforts, drive_limits, joint_stiffness
+from pips_drake.serpentine.drives import drive_efforts, drive_limits
+from pips_drake.serpentine.fault_config import FaultConfig
+from pips_drake.serpentine.mounting import mounting_gravity
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
-from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.statics import holding_efforts, sag
 from pips_drake.serpentine.station import (
     VISUAL_PERIOD,
     SerpentineSetup,
@@ -29,7 +31,6 @@ from pips_drake.serpentine.station import (
 from pips_drake.serpentine.tolerances import (
     Errors,
     arm_with_errors,
-    displaced_scene,
     draw,
     half_widths,
     worst_of,
@@ -94,7 +95,7 @@ def run_margin_case(
     """Judges the plan with one set of errors.
 
     Args:
-        folder: of the case's own arm and path; a displaced scene is written there.
+        folder: of the case's own arm and path.
         task: kind, tolerances, seed, draw, payload.
 
     Raises:
@@ -114,16 +115,16 @@ def run_margin_case(
     elif kind == NOMINAL:
         values = np.zeros_like(widths)
     else:
-        values = _adverse(believed, widths, folder, payload_alone=kind == ADVERSE_PAYLOAD)
+        values = _adverse(believed, widths, payload_alone=kind == ADVERSE_PAYLOAD)
     errors = Errors.from_vector(setup.arm, values)
-    return _judge(believed, errors, folder)
+    return _judge(believed, errors)
 
 
-def _judge(believed: Believed, errors: Errors, folder: Path) -> dict[str, Any]:
-    pairs, efforts, joints = _postures(believed, errors, folder)
+def _judge(believed: Believed, errors: Errors) -> dict[str, Any]:
+    pairs, efforts, joints = _postures(believed, errors)
     beside: dict[str, Any] = {}
     if believed.payload and believed.setup.scene_file is not None:
-        there, _, _ = _postures(believed, errors, folder, only=believed.payload)
+        there, _, _ = _postures(believed, errors, only=believed.payload)
         beside["payload_clearance_sampled_min_m"] = min(pair.distance for pair, _ in there)
     arm = arm_with_errors(believed.config, errors)
     scene = [pair for pair, _ in pairs]
@@ -174,7 +175,7 @@ def _failures(checks: CheckConfig, nearest: LeastDistance, own: float, efforts: 
 
 
 def _postures(
-    believed: Believed, errors: Errors, folder: Path, *, only: str = ""
+    believed: Believed, errors: Errors, *, only: str = ""
 ) -> tuple[list[tuple[LeastDistance, LeastDistance]], float, Array]:
     """Least distances at the plan's postures, the largest share of effort, and the joints (N, J).
 
@@ -183,16 +184,16 @@ def _postures(
     """
     scenario, setup = believed.scenario, believed.setup
     arm = arm_with_errors(believed.config, errors)
-    scene_file = setup.scene_file
-    if errors.payload.any() and scene_file is not None:
-        text = displaced_scene(scene_file, believed.payload, errors.payload)
-        scene_file = folder / "displaced.dmd.yaml"
-        scene_file.write_text(text, encoding="utf-8")
+    displaced = []
+    if errors.payload.any():
+        offset = [float(value) * 1e3 for value in errors.payload]
+        displaced = [FaultConfig(kind="payload_displaced", body=believed.payload, offset_mm=offset)]
     builder = DiagramBuilder()
     plant, scene_graph, model = make_plant(
         builder,
-        replace(setup, arm=arm, scene_file=scene_file),
-        scenario,
+        replace(setup, arm=arm),
+        # The scenario's own faults are of its run, not of what is studied here.
+        replace(scenario, faults=displaced),
         visual_period=VISUAL_PERIOD,
     )
     diagram = builder.Build()
@@ -214,12 +215,12 @@ def _postures(
 def _standing(believed: Believed, errors: Errors, gravity: Array) -> Array:
     """Joints (N, J) where the plan's are sent: off by the encoders' errors and by what sags."""
     arm = believed.setup.arm
-    give = holding_efforts(arm, believed.joints, gravity) / joint_stiffness(arm)
+    give = sag(arm, believed.joints, gravity)
     standing: Array = believed.joints + errors.joints - errors.sag_share * give
     return standing
 
 
-def _adverse(believed: Believed, widths: Array, folder: Path, *, payload_alone: bool) -> Array:
+def _adverse(believed: Believed, widths: Array, *, payload_alone: bool) -> Array:
     """The corner of the tolerances that takes most from the tightest posture, to first order.
 
     Where nothing is in range, nothing is adverse: the nominal case.
@@ -227,7 +228,7 @@ def _adverse(believed: Believed, widths: Array, folder: Path, *, payload_alone: 
     setup, scenario = believed.setup, believed.scenario
     nominal = Errors.from_vector(setup.arm, np.zeros_like(widths))
     only = believed.payload if payload_alone else ""
-    pairs, _, _ = _postures(believed, nominal, folder, only=only)
+    pairs, _, _ = _postures(believed, nominal, only=only)
     near = [(pair.distance, k, pair) for k, (pair, _) in enumerate(pairs) if pair.pair]
     if not near:
         return np.zeros_like(widths)
@@ -237,7 +238,7 @@ def _adverse(believed: Believed, widths: Array, folder: Path, *, payload_alone: 
     robot, other = pair.pair
     body = bodies.index(robot.rpartition("::")[2])
     X_W0 = arm_pose(scenario, setup)
-    gravity = X_W0.rotation().inverse() @ np.array([0.0, 0.0, -9.81])
+    gravity = mounting_gravity(scenario.mounting)
     at = _with_posture(believed, k)
     frame = kinematics.frames(setup.arm, _standing(at, nominal, gravity))[0, body]
     witness = X_W0.inverse() @ pair.points[0]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.errors import InputError, NotFollowableError
-from pips_drake.serpentine.motion_limits import KINDS, FastestMotion, drive_names, profile_shares
+from pips_drake.serpentine.drives import drive_names
+from pips_drake.serpentine.motion_limits import KINDS, FastestMotion, profile_shares
 from pips_drake.serpentine.motion_profile import MotionProfile
 from pips_drake.serpentine.runs.figures import symbol, tip_travel
 from pips_drake.serpentine.scenario import SerpentineScenario

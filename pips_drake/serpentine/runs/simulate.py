@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 from pydrake.geometry import (
     Meshcat,
 )
-from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.errors import NotFollowableError
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.certified import (
     CertifiedMotion,
-    certify_commanded,
-    certify_simulated,
+    certify,
+    commanded_motion,
     write_proof,
 )
 from pips_drake.serpentine.runs.film import film_run
@@ -32,6 +31,7 @@ from pips_drake.serpentine.runs.pictures import (
     write_run_pictures,
     write_run_replay,
 )
+from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.runs.run_files import (
     write_diagram,
@@ -47,10 +47,9 @@ from pips_drake.serpentine.runs.scene_report import (
 from pips_drake.serpentine.runs.sheet import write_run_sheet
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
-    VISUAL_PERIOD,
     SerpentineSetup,
     load_setup,
-    make_plant,
+    make_profile,
     plant_time_step,
 )
 from pips_drake.twin.motion_record import RecordedMotion
@@ -215,20 +214,23 @@ def _certify(
     """
     if not scenario.certificate.enabled:
         return None, {}, []
-    builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, scenario, visual_period=VISUAL_PERIOD)
-    diagram = builder.Build()  # owns the plant
-    placed = {"plant": plant, "scene_graph": scene_graph, "model": model}
+    placed = place_arm(scenario, setup)
+    profile = make_profile(scenario, setup)
     # The verdict is that of the simulated motion.
-    commanded, summary, _ = certify_commanded(scenario, setup, **placed, sampled={})
-    sampled = {
-        "clearance": float(assessment.data.clearance.min()),
-        "self_clearance": float(assessment.data.self_clearance.min()),
-    }
-    simulated, more, failures = certify_simulated(
-        scenario, setup, motion, **placed, sampled=sampled
+    commanded, summary, _ = certify(
+        "commanded", scenario, setup, commanded_motion(scenario, setup, profile), placed
     )
-    del diagram
+    simulated, more, failures = certify(
+        "simulated",
+        scenario,
+        setup,
+        motion,
+        placed,
+        sampled={
+            "clearance": float(assessment.data.clearance.min()),
+            "self_clearance": float(assessment.data.self_clearance.min()),
+        },
+    )
     for name, certified in (("commanded", commanded), ("simulated", simulated)):
         if certified is not None:
             write_proof(folder / f"proof_{name}.npz", certified)

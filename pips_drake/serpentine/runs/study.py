@@ -26,8 +26,7 @@ from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm, make_arm
 from pips_drake.serpentine.arm_file import ArmFile
 from pips_drake.serpentine.arm_variants import set_path_travel, vary_arm
-from pips_drake.serpentine.drives import joint_stiffness
-from pips_drake.serpentine.mounting import mounting_rotation
+from pips_drake.serpentine.mounting import mounting_gravity
 from pips_drake.serpentine.path_file import PathFile
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs import margins
@@ -35,7 +34,7 @@ from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.check import check
 from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.scenario import SerpentineScenario
-from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.statics import sag
 from pips_drake.serpentine.station import load_setup
 from pips_drake.serpentine.tolerances import half_widths
 from pips_drake.twin.study.cases import Case
@@ -233,14 +232,13 @@ def _plan_numbers(scenario: SerpentineScenario, plan: Plan) -> dict[str, Any]:
     if plan.first_failing_tip is not None:
         followed = (plan.first_failing_tip - path.home_arc_length) / path.travel
     joints = plan.joints[solved]
-    gravity = mounting_rotation(scenario.mounting).T @ [0.0, 0.0, -9.81]
-    give = holding_efforts(plan.arm, joints, gravity) / joint_stiffness(plan.arm)
+    give = sag(plan.arm, joints, mounting_gravity(scenario.mounting))
     there = kinematics.spine_points(plan.arm, joints - give)[:, -1]
-    sag = np.linalg.norm(there - kinematics.spine_points(plan.arm, joints)[:, -1], axis=-1)
+    fallen = np.linalg.norm(there - kinematics.spine_points(plan.arm, joints)[:, -1], axis=-1)
     return {
         "tip_travel_m": path.travel,
         "followed_share": followed,
-        "sag_max_m": sag.max(),
+        "sag_max_m": fallen.max(),
     }
 
 

@@ -17,13 +17,12 @@ from pips_drake.serpentine.drives import (
     drive_efforts,
     drive_stiffness,
     drives_from_joints,
-    joint_stiffness,
     joints_from_drives,
 )
 from pips_drake.serpentine.faults import Fault
 from pips_drake.serpentine.legs import make_legs
 from pips_drake.serpentine.scenario import ActuationConfig
-from pips_drake.serpentine.statics import holding_efforts
+from pips_drake.serpentine.statics import holding_efforts, sag
 from pips_drake.serpentine.station.plant import gravity_in_frame_0
 from pips_drake.serpentine.station.prismatic_legs import legs_name, set_default_leg_positions
 from pips_drake.serpentine.station.setup import SerpentineSetup
@@ -268,10 +267,10 @@ def _make_interpolator(start: Array, time_step: float) -> AffineSystem:
 
 def _sent_farther(arm: SerpentineArm, posture: Array, gravity: Array, along_legs: bool) -> Array:
     """Joints to command, (J,), so that the arm stands at a posture under gravity."""
-    efforts = holding_efforts(arm, posture, gravity)[0]
     if not along_legs:
-        aim: Array = posture + efforts / joint_stiffness(arm)
+        aim: Array = posture + sag(arm, posture, gravity)[0]
         return aim
+    efforts = holding_efforts(arm, posture, gravity)[0]
     give = drive_efforts(arm, posture, efforts) / drive_stiffness(arm)
     return joints_from_drives(arm, drives_from_joints(arm, posture) + give)
 
@@ -283,10 +282,10 @@ def _standing_posture(
     posture, drives = command, drives_from_joints(arm, command)
     # Each step changes the sag by the sag's own share of the levers: a thousandth.
     for _ in range(4):
-        efforts = holding_efforts(arm, posture, gravity)[0]
         if along_legs:
+            efforts = holding_efforts(arm, posture, gravity)[0]
             give = drive_efforts(arm, posture, efforts) / drive_stiffness(arm)
             posture = joints_from_drives(arm, drives - give)
         else:
-            posture = command - efforts / joint_stiffness(arm)
+            posture = command - sag(arm, posture, gravity)[0]
     return posture

@@ -43,7 +43,7 @@ def displace_bodies(
             None,
         )
         if joint is None:
-            raise InputError(f"faults.body = {fault.body}; must be welded to something")
+            raise InputError(f"body '{fault.body}', to be displaced, is loose; must be welded")
         parent, child, X_PC = joint.frame_on_parent(), joint.frame_on_child(), joint.X_FM()
         moved = RigidTransform([value * 1e-3 for value in fault.offset_mm]) @ X_PC
         plant.RemoveJoint(joint)

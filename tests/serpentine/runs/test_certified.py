@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.scenarios import load_scenario
 from pips_drake.serpentine.runs.certified import (
@@ -20,9 +18,10 @@ from pips_drake.serpentine.runs.certified import (
     write_proof,
 )
 from pips_drake.serpentine.runs.check import check
+from pips_drake.serpentine.runs.placed_arm import PlacedArm, place_arm
 from pips_drake.serpentine.runs.simulate import simulate
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
-from pips_drake.serpentine.station import load_setup, make_plant, make_profile
+from pips_drake.serpentine.station import load_setup, make_profile
 from pips_drake.twin.certificate.verify import verify_proof
 from pips_drake.twin.motion_record import RecordedMotion
 
@@ -45,13 +44,8 @@ def setup(trajectory_4):
 
 
 @pytest.fixture(scope="module")
-def placed(trajectory_4, setup) -> Any:
-    builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, trajectory_4, visual_period=1.0)
-    diagram = builder.Build()
-    return SimpleNamespace(
-        diagram=diagram, ports=dict(plant=plant, scene_graph=scene_graph, model=model)
-    )
+def placed(trajectory_4, setup) -> PlacedArm:
+    return place_arm(trajectory_4, setup)
 
 
 def test_the_commanded_motion_is_what_the_drives_are_told_and_when(trajectory_4, setup):
@@ -89,7 +83,7 @@ def test_proved_sampled_and_verified_clearances_agree_on_trajectory_4(
     s = np.linspace(setup.path.home_arc_length, setup.path.length, 300)
     joints = setup.solver.solve(setup.path, s).joints
     motion = RecordedMotion(times=np.arange(300.0), positions=joints, deviation=np.zeros(18))
-    certified = certify_motion(trajectory_4, setup, motion, **placed.ports, with_errors=True)
+    certified = certify_motion(trajectory_4, setup, motion, placed, with_errors=True)
     numbers = certified_numbers(certified, setup.arm)
     # The README's and CHANGELOG's 39.0 mm.
     assert numbers["clearance_lower_m"] == pytest.approx(0.0390, abs=1.1e-4)
