@@ -8,7 +8,6 @@ segment itself is cut. What is left at the end is a plane for every pair and eve
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.config import require
-from pips_drake.twin.certificate.bound import relative, turning_bound
-from pips_drake.twin.certificate.distance import Closest, closest
+from pips_drake.twin.certificate.bound import turning_bound
 from pips_drake.twin.certificate.planes import segment_bounds, span_bounds
 from pips_drake.twin.certificate.problem import Prepared, Problem
 from pips_drake.twin.certificate.tree import Poses, calc_poses, interpolate
+from pips_drake.twin.certificate.witness import Distances, Witness
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,33 +33,6 @@ NARROWEST = 2.0**-14
 _CLOSED = 3
 #: Distances after which a search gives up, and says that its bounds are not tight.
 MOST_QUERIES = 20_000
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Witness:
-    """Where a pair comes nearest.
-
-    Attributes:
-        pair: index of the pair.
-        bodies, geometries: names, the robot's first.
-        time: s.
-        segment, fraction: where on the path.
-        distance: m; the true distance there is no more.
-        points: nearest points on both, in the world, (2, 3) m.
-        deviation: how far the positions are off there, (nq,).
-        closest: the proof of the distance.
-    """
-
-    pair: int
-    bodies: tuple[str, str]
-    geometries: tuple[str, str]
-    time: float
-    segment: int
-    fraction: float
-    distance: float
-    points: Array
-    deviation: Array
-    closest: Closest = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,13 +89,11 @@ class Certificate:
 
 
 class _Search:
-    """The state of a search: spans that still count, and the best witness."""
+    """The state of a search: spans, each with its best plane so far, and the best witness."""
 
     def __init__(self, prepared: Prepared, tolerance: float) -> None:
         self.prepared, self.tolerance = prepared, tolerance
-        self.queries = 0
-        self.witness: Witness | None = None
-        self._known: dict[tuple[int, int, float], Closest] = {}
+        self.distances = Distances(prepared)
         segments, pairs = len(prepared.problem.times) - 1, len(prepared.problem.a)
         first = np.arange(0, segments, LONGEST_SPAN)
         last = np.minimum(first + LONGEST_SPAN, segments)
@@ -140,17 +110,17 @@ class _Search:
 
     @property
     def best(self) -> float:
-        return math.inf if self.witness is None else self.witness.distance
+        return self.distances.least
 
     def run(self) -> None:
         # A first witness, where planes that cost nothing are tightest.
         w = int(np.argmin(self.low))
-        self.query(int(self.pair[w]), int(self.first[w] + self.last[w]) // 2, 0.0)
+        self.distances.query(int(self.pair[w]), int(self.first[w] + self.last[w]) // 2, 0.0)
         while True:
             open_spans = np.flatnonzero(self.low < self.best - self.tolerance)
             narrow = self.end[open_spans] - self.start[open_spans] < NARROWEST
             open_spans = open_spans[~narrow & (self.stage[open_spans] < _CLOSED)]
-            if not len(open_spans) or self.queries >= MOST_QUERIES:
+            if not len(open_spans) or self.distances.queries >= MOST_QUERIES:
                 return
             long = self.last[open_spans] - self.first[open_spans] > 1
             whole = ~long & (self.stage[open_spans] == 0)
@@ -191,6 +161,11 @@ class _Search:
         return np.arange(count, count + len(rows))
 
     def _turn(self, rows: Indices) -> None:
+        self._bound_segments(rows, self.normals[rows])
+        self.stage[rows] = 1
+
+    def _bound_segments(self, rows: Indices, normals: Array) -> None:
+        """Gives segments planes that turn, begun at `normals`, where those are better."""
         prepared = self.prepared
         low, normals = segment_bounds(
             prepared.problem.shapes,
@@ -199,9 +174,8 @@ class _Search:
             prepared.motion,
             self.pair[rows],
             self.first[rows],
-            np.ascontiguousarray(self.normals[rows]),
+            np.ascontiguousarray(normals),
         )
-        self.stage[rows] = 1
         better = low > self.low[rows]
         self.low[rows[better]], self.normals[rows[better]] = low[better], normals[better]
 
@@ -225,58 +199,60 @@ class _Search:
 
     def _is_settled(self, w: int) -> bool:
         """Whether joint errors, and not the width of the part, are what makes a bound loose."""
-        p, segment, prepared = int(self.pair[w]), int(self.first[w]), self.prepared
+        p, segment = int(self.pair[w]), int(self.first[w])
         fractions = (float(self.start[w]), float(self.end[w]))
         poses = self._poses(segment, fractions)
         at_ends = []
         for k, fraction in enumerate(fractions):
-            n = self.query(p, segment, fraction).normal
-            at_ends.append(
-                turning_bound(
-                    prepared.problem.shapes,
-                    prepared.pairs,
-                    poses,
-                    prepared.motion,
-                    p,
-                    k,
-                    k,
-                    n,
-                    n,
-                    segment,
-                    0.0,
-                )
-            )
+            n = self.distances.query(p, segment, fraction).normal
+            at_ends.append(self._turning_bound(w, poses, (k, k), (n, n), 0.0))
         return bool(self.low[w] >= min(at_ends) - 0.25 * self.tolerance)
 
     def _bound_exactly(self, w: int) -> None:
         p, segment = int(self.pair[w]), int(self.first[w])
         start, end = float(self.start[w]), float(self.end[w])
         normals = np.stack(
-            [self.query(p, segment, start).normal, self.query(p, segment, end).normal]
+            [
+                self.distances.query(p, segment, start).normal,
+                self.distances.query(p, segment, end).normal,
+            ]
         )
-        prepared = self.prepared
         if start == 0.0 and end == 1.0:
-            poses, k0, k1 = prepared.poses, segment, segment + 1
+            poses, ends = self.prepared.poses, (segment, segment + 1)
         else:
-            poses, k0, k1 = self._poses(segment, (start, end)), 0, 1
+            poses, ends = self._poses(segment, (start, end)), (0, 1)
         # Where the best plane jumps from one pair of features to another, a still one is better.
         still = [np.stack([normal, normal]) for normal in normals]
         for tried in (normals, *still, self.normals[w].copy()):
-            low = turning_bound(
+            low = self._turning_bound(w, poses, ends, tried, end - start)
+            if low > self.low[w]:
+                self.low[w], self.normals[w] = low, tried
+
+    def _turning_bound(
+        self, w: int, poses: Poses, ends: tuple[int, int], normals: Sequence[Array], share: float
+    ) -> float:
+        """The bound of a part of a segment, m.
+
+        Args:
+            w: index of the part.
+            poses, ends: of the bodies, and which of them are the part's first and last.
+            normals: at both ends, in b's body, (3,) each.
+            share: of the segment that the part is.
+        """
+        prepared = self.prepared
+        return float(
+            turning_bound(
                 prepared.problem.shapes,
                 prepared.pairs,
                 poses,
                 prepared.motion,
-                p,
-                k0,
-                k1,
-                tried[0],
-                tried[1],
-                segment,
-                end - start,
+                int(self.pair[w]),
+                *ends,
+                *normals,
+                int(self.first[w]),
+                share,
             )
-            if low > self.low[w]:
-                self.low[w], self.normals[w] = low, tried
+        )
 
     def _spread(self, p: int, normal: Array) -> None:
         """A good plane of one span may do for the pair's others that still count."""
@@ -285,110 +261,13 @@ class _Search:
         )
         if not len(rows):
             return
-        prepared = self.prepared
-        low, normals = segment_bounds(
-            prepared.problem.shapes,
-            prepared.pairs,
-            prepared.poses,
-            prepared.motion,
-            self.pair[rows],
-            self.first[rows],
-            np.tile(normal, (len(rows), 2, 1)),
-        )
-        better = low > self.low[rows]
-        self.low[rows[better]], self.normals[rows[better]] = low[better], normals[better]
+        self._bound_segments(rows, np.tile(normal, (len(rows), 2, 1)))
 
     def _poses(self, segment: int, fractions: Sequence[float]) -> Poses:
         problem = self.prepared.problem
         q0, q1 = problem.knots[segment], problem.knots[segment + 1]
         return calc_poses(
             problem.tree, np.array([interpolate(problem.tree, q0, q1, s) for s in fractions])
-        )
-
-    def query(self, p: int, segment: int, fraction: float) -> Closest:
-        """The pair's distance at an instant; remembers the least of all."""
-        if fraction == 1.0:
-            segment, fraction = segment + 1, 0.0
-        key = (p, segment, fraction)
-        if key in self._known:
-            return self._known[key]
-        problem = self.prepared.problem
-        if fraction == 0.0:
-            q = problem.knots[segment]
-        else:
-            q = interpolate(
-                problem.tree, problem.knots[segment], problem.knots[segment + 1], fraction
-            )
-        found, poses = self._closest(p, q)
-        self._known[key] = found
-        off = np.zeros(len(q))
-        self._remember(p, segment, fraction, found, poses, off)
-        if self.prepared.motion.deviates:
-            off = self._worst_errors(p, found, poses)
-            worse, poses = self._closest(p, q + off)
-            self._remember(p, segment, fraction, worse, poses, off)
-        return found
-
-    def _closest(self, p: int, q: Array) -> tuple[Closest, Poses]:
-        self.queries += 1
-        problem = self.prepared.problem
-        poses = calc_poses(problem.tree, q[None])
-        a, b = int(problem.a[p]), int(problem.b[p])
-        R, t = np.empty((3, 3)), np.empty(3)
-        relative(
-            poses.rotation[0],
-            poses.position[0],
-            problem.shapes.body[a],
-            problem.shapes.body[b],
-            R,
-            t,
-        )
-        return closest(problem.shapes, a, b, R, t), poses
-
-    def _worst_errors(self, p: int, found: Closest, poses: Poses) -> Array:
-        """The joint errors that bring the nearest points nearer, to first order, (nq,)."""
-        problem, motion = self.prepared.problem, self.prepared.motion
-        body = problem.shapes.body[problem.b[p]]
-        R, t = poses.rotation[0, body], poses.position[0, body]
-        normal, point = R @ found.normal, R @ found.points[0] + t
-        off = np.zeros(problem.knots.shape[1])
-        row = self.prepared.pairs.chain[p]
-        for joint, sign in zip(motion.bodies[row], motion.signs[row], strict=True):
-            if sign == 0:
-                break
-            axis = poses.axis[0, joint]
-            moves = axis
-            if not motion.slides[joint]:
-                moves = np.cross(axis, point - poses.origin[0, joint, 1])
-            off[problem.tree.start[joint]] = (
-                -np.sign(sign * (normal @ moves)) * motion.deviation[joint]
-            )
-        return off
-
-    def _remember(
-        self, p: int, segment: int, fraction: float, found: Closest, poses: Poses, off: Array
-    ) -> None:
-        if found.upper >= self.best:
-            return
-        problem = self.prepared.problem
-        body = problem.shapes.body[problem.b[p]]
-        R, t = poses.rotation[0, body], poses.position[0, body]
-        a, b = int(problem.a[p]), int(problem.b[p])
-        times = problem.times
-        time_ = float(times[segment])
-        if fraction > 0.0:
-            time_ += fraction * float(times[segment + 1] - times[segment])
-        self.witness = Witness(
-            pair=p,
-            bodies=(problem.bodies[a], problem.bodies[b]),
-            geometries=(problem.names[a], problem.names[b]),
-            time=time_,
-            segment=segment,
-            fraction=fraction,
-            distance=found.upper,
-            points=found.points @ R.T + t,
-            deviation=off,
-            closest=found,
         )
 
 
@@ -402,13 +281,13 @@ def certify(problem: Problem, *, tolerance: float = 1e-4) -> Certificate:
     require(tolerance > 0.0, "tolerance", f"{tolerance} m", "> 0")
     search = _Search(Prepared(problem), tolerance)
     search.run()
-    assert search.witness is not None
+    assert search.distances.witness is not None
     return Certificate(
         lower=float(min(search.low.min(), search.best)),
         upper=search.best,
-        witness=search.witness,
+        witness=search.distances.witness,
         tolerance=tolerance,
-        queries=search.queries,
+        queries=search.distances.queries,
         wall_s=time.perf_counter() - began,
         planes=Planes(
             pair=search.pair,
