@@ -45,6 +45,10 @@ def main(args: Sequence[str] | None = None) -> None:
         # for it goes nowhere, or flushing it at exit would complain.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = PIPE_CLOSED
+    if code == INTERRUPTED and args is None:
+        # Everything is cleaned up, but a compiler that was interrupted may crash when taken down.
+        sys.stderr.flush()
+        os._exit(code)
     sys.exit(code)
 
 

@@ -19,43 +19,45 @@ class Interrupts:
     """Makes every polite way to stop the program an interrupt that cleans up and is never lost.
 
     A kill, and a terminal that is closed, clean up as Ctrl-C does: no half-written folder stays
-    behind. Under nohup the latter is ignored, and stays so.
+    behind. Under nohup the latter is ignored, and stays so; so is Ctrl-C in a shell's background.
 
     An exception raised in a callback from C (numba's compiler has many) goes no farther than the
     callback: Python reports it to a hook and carries on, with whatever the callback left undone. So
-    the interrupt comes once more; and what breaks until then breaks because of it.
+    the interrupt comes once more; and what breaks after the first breaks because of it.
     """
 
     def __init__(self) -> None:
-        self._lost = False
+        self._interrupted = False
         self._report = sys.unraisablehook
 
     def install(self) -> None:
         """Takes the process's signals, its alarm clock, and Python's hook."""
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) is signal.SIG_DFL:
-                signal.signal(number, signal.default_int_handler)
-        signal.signal(signal.SIGALRM, self._raise_again)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+                signal.signal(number, self._interrupt)
+        signal.signal(signal.SIGALRM, self._interrupt_again)
         sys.unraisablehook = self._look
 
     def end(self) -> bool:
-        """Whether one got lost that has not come again; none comes after this."""
+        """Whether the program has been interrupted; no interrupt comes again after this."""
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        return self._lost
+        return self._interrupted
 
-    def _look(self, unraisable: Any) -> None:
-        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
-            self._report(unraisable)
-            return
-        self._lost = True
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self._interrupted = True
+        raise KeyboardInterrupt
+
+    def _interrupt_again(self, number: int, frame: FrameType | None) -> None:
+        if sys.exception() is None:
+            raise KeyboardInterrupt
+        # On the way out already, perhaps cleaning up, which must not be cut short.
         signal.setitimer(signal.ITIMER_REAL, _AGAIN)
 
-    def _raise_again(self, number: int, frame: FrameType | None) -> None:
-        if sys.exception() is not None:
-            # On the way out already, perhaps cleaning up, which must not be cut short.
+    def _look(self, unraisable: Any) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-            return
-        raise KeyboardInterrupt
+        elif not self._interrupted:  # else it is of something that the interrupt left half made
+            self._report(unraisable)
 
 
 def tell_of_compiling() -> None:
