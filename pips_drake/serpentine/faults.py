@@ -65,7 +65,10 @@ def make_drive_faults(arm: SerpentineArm, configs: Sequence[FaultConfig]) -> tup
         if config.kind not in (*DRIVE_FAULTS, "late"):
             continue
         index, lower, upper = -1, -math.inf, math.inf
-        if config.kind != "late":
+        if config.kind == "weak":
+            first = arm.first_actuated_joint
+            index = first + _find("actuator", config.drive, arm.actuator_names)
+        elif config.kind != "late":
             index = _find("drive", config.drive, drive_names(arm))
         if config.kind == "limited":
             lower, upper = _limited_stroke(arm, index, config.size)
@@ -155,6 +158,19 @@ def override_setpoints(
         way = fault.size * speed[j] * period if fault.kind == "runaway" else 0.0
         setpoint[j] = min(max(before[j] + way, lower[j]), upper[j]) if way else before[j]
         setpoint[lower.size + j] = (setpoint[j] - before[j]) / period
+
+
+def stiffness_shares(faults: Sequence[Fault], time: float, first: int, shares: Array) -> None:
+    """What faults leave of the actuators' stiffness at a time, s.
+
+    Args:
+        first: index of the joint that the first actuator moves.
+        shares: out, (A,).
+    """
+    shares[:] = 1.0
+    for fault in faults:
+        if fault.kind == "weak" and fault.is_active(time):
+            shares[fault.index - first] *= fault.size
 
 
 def read_encoders(

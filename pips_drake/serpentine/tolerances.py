@@ -7,16 +7,17 @@ every other one. Names and units are those of a study's `tolerances`.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.config import require
-from pips_drake.errors import UnknownNameError
+from pips_drake.errors import InputError, UnknownNameError
 from pips_drake.serpentine.arm import SerpentineArm, make_arm
 from pips_drake.serpentine.arm_file import ArmFile
+from pips_drake.serpentine.fault_config import BUILD_FAULTS, FaultConfig
 from pips_drake.units import DEGREE, INCH
 
 Array = NDArray[np.float64]
@@ -94,6 +95,53 @@ def arm_with_errors(config: ArmFile, errors: Errors) -> SerpentineArm:
         segment.length_in += float(length[i])
         segment.offset_in = max(0.0, segment.offset_in + float(offset[i]))
     return make_arm(varied)
+
+
+def arm_as_built(config: ArmFile, faults: Sequence[FaultConfig]) -> SerpentineArm:
+    """The arm that an arm file states, but for what faults of its making change.
+
+    A pin that stands elsewhere leaves the actuator itself and its stroke as they are, so that the
+    same length holds another angle.
+
+    Raises:
+        UnknownNameError, InputError: the arm has no such actuator or segment, or cannot be built.
+    """
+    segments = len(config.segments)
+    lengths = np.zeros(2 * segments)
+    for fault in faults:
+        if fault.kind == "segment_length":
+            allowed = f"1 .. {segments}, the arm's segments"
+            require(fault.segment <= segments, "faults.segment", fault.segment, allowed)
+            lengths[fault.segment - 1] += fault.size * 1e-3
+    for i, segment in enumerate(config.segments):
+        length = segment.length_in * INCH + float(lengths[i])
+        good = length > segment.offset_in * INCH
+        require(good, f"length of segment {i + 1}, m", length, "longer than its offset")
+    arm = arm_with_errors(
+        config,
+        Errors(
+            payload=np.zeros(3), lengths=lengths, joints=np.zeros(len(config.joints)), sag_share=0.0
+        ),
+    )
+    outer = arm.linkage.anchor_outer.copy()
+    for fault in faults:
+        if fault.kind == "anchor":
+            if fault.drive not in arm.actuator_names:
+                raise UnknownNameError("actuator", fault.drive, arm.actuator_names)
+            outer[arm.actuator_names.index(fault.drive)] += fault.size * 1e-3
+    linkage = replace(arm.linkage, anchor_outer=outer)
+    ends = np.stack([linkage.angle(linkage.length_lower), linkage.angle(linkage.length_upper)])
+    for k in np.flatnonzero(~np.all(np.isfinite(ends), axis=0) | (outer <= 0.0)):
+        raise InputError(
+            f"faults: the outer pin of {arm.actuator_names[k]}, {outer[k] * 1e3:.1f} mm from its "
+            "hinge; must close a triangle at every length of the actuator's stroke"
+        )
+    return replace(arm, linkage=linkage)
+
+
+def is_built_otherwise(faults: Sequence[FaultConfig]) -> bool:
+    """Whether faults make the arm another one than is believed."""
+    return any(fault.kind in BUILD_FAULTS for fault in faults)
 
 
 def worst_of(widths: Array, gradient: Array) -> Array:

@@ -25,6 +25,9 @@ GOOD = (
     "{kind: slow, drive: d1, size: 0.5}",
     "{kind: runaway, drive: theta2, size: -1.0}",
     "{kind: limited, drive: L8, size: 10.0}",
+    "{kind: weak, drive: L8, size: 0.02, start_s: 1.0}\nactuation: {fidelity: leg}",
+    "{kind: segment_length, segment: 6, size: -4.0}",
+    "{kind: anchor, drive: L8, size: 3.0}",
     "{kind: dead, encoder: theta10}",
     "{kind: biased, encoder: d1, size: -3.0}",
     "{kind: payload_displaced, body: 'payload::payload', offset_mm: [0.0, 300.0, 0.0]}",
@@ -43,6 +46,16 @@ BAD = {
     "{kind: jam, drive: L3, start_s: -1.0}": "faults.start_s = -1.0; must be 0 .. 86400",
     "{kind: disturbance}": "faults.force_n = [0.0, 0.0, 0.0]; must be not all zero",
     "{kind: jam, drive: L3, strength: 1.0}": "unknown key",
+    "{kind: weak, drive: L3, size: 0.5}": "actuation.fidelity = joint; must be leg with a weak",
+    "{kind: weak, drive: L3, size: 0.5}\nactuation: {fidelity: truss}": "= truss; must be leg",
+    "{kind: weak, drive: L3, size: 0.0}": "faults.size of weak = 0.0; must be 0.001 .. 1, below 1",
+    "{kind: weak, size: 0.5}": "faults.drive of weak = ; must be given",
+    "{kind: segment_length, size: 3.0}": "faults.segment of segment_length = 0; must be 1 or more",
+    "{kind: segment_length, segment: 1}": "= 0.0; must be -100 .. 100 and not 0",
+    "{kind: segment_length, segment: 1, size: 1.0, start_s: 1.0}": "start_s of segment_length",
+    "{kind: anchor, drive: L3, size: 30.0}": "faults.size of anchor = 30.0; must be -25 .. 25",
+    "{kind: anchor, segment: 3, drive: L3, size: 1.0}": "segment of anchor = 3; must be left out",
+    "{kind: anchor, size: 1.0}": "faults.drive of anchor = ; must be given",
 }
 
 
@@ -70,6 +83,9 @@ def test_a_name_that_the_arm_has_not_is_refused(arm):
         make_drive_faults(arm, [FaultConfig(kind="jam", drive="L99")])
     with pytest.raises(UnknownNameError, match="unknown encoder 'L3'"):
         make_encoder_faults(arm, [FaultConfig(kind="dead", encoder="L3")])
+    # The base's drives are no springs between pins.
+    with pytest.raises(UnknownNameError, match="unknown actuator 'd1'"):
+        make_drive_faults(arm, [FaultConfig(kind="weak", drive="d1", size=0.5)])
 
 
 def one(arm, **values):

@@ -45,7 +45,8 @@ class ActuationPorts:
         setpoint: of the servos, drive coordinates and rates, (2 J,).
         joint_effort: what acts at the joints, (J,) N and Nm.
         drive_effort: what the drives make it with, (J,) N and Nm.
-        free_length: in the fidelity `leg`, what the plant's owner is asked for, (A,) m.
+        free_length, stiffness_share: in the fidelity `leg`, what the plant's owner is asked for,
+            (A,) m and (A,).
         loop_gap: in the fidelity `truss`, how far the loops stand open, (A,) m.
     """
 
@@ -53,6 +54,7 @@ class ActuationPorts:
     joint_effort: OutputPort
     drive_effort: OutputPort
     free_length: OutputPort | None = None
+    stiffness_share: OutputPort | None = None
     loop_gap: OutputPort | None = None
 
 
@@ -67,6 +69,7 @@ def AddActuation(
     config: ActuationConfig,
     period: float,
     faults: Sequence[Fault] = (),
+    built: SerpentineArm | None = None,
 ) -> ActuationPorts:
     """Connects commanded drives to the plant, with the fidelity that `config` names.
 
@@ -81,8 +84,9 @@ def AddActuation(
     Args:
         plant: made for the same fidelity.
         faults: of the drives.
+        built: the arm as it stands, if it is not the setup's; what is sent is the setup's.
     """
-    arm = setup.arm
+    arm = built or setup.arm
     servo = builder.AddNamedSystem(
         "actuator_servo", ActuatorServo(arm, faults=faults, period=period)
     )
@@ -91,19 +95,22 @@ def AddActuation(
     gravity, along_legs = gravity_in_frame_0(plant), config.fidelity != "joint"
     start = plant.GetDefaultPositions(model)
     if config.compensate_deflection:
-        start = _sent_farther(arm, start, gravity, along_legs)
+        start = _sent_farther(setup.arm, start, gravity, along_legs)
         compensator = builder.AddNamedSystem(
             "deflection_compensator",
-            DeflectionCompensator(arm, gravity=gravity, along_legs=along_legs),
+            DeflectionCompensator(setup.arm, gravity=gravity, along_legs=along_legs),
         )
         builder.Connect(joint_state, compensator.GetInputPort("joint_state"))
         builder.Connect(
             compensator.GetOutputPort("drive_offset"), servo.GetInputPort("drive_offset")
         )
+    if arm is not setup.arm:
+        # What is sent are the drives' coordinates, which hold other joints in the arm as it stands.
+        start = joints_from_drives(arm, drives_from_joints(setup.arm, start))
     # The run begins at rest: where these first set-points and gravity leave the arm.
     standing = _standing_posture(arm, start, gravity, along_legs)
     plant.SetDefaultPositions(model, standing)
-    free_length = loop_gap = None
+    free_length = stiffness_share = loop_gap = None
     if along_legs:
         moving = _add_interpolation(
             builder,
@@ -117,7 +124,9 @@ def AddActuation(
         command = _add_selection(builder, "leg_setpoint", moving, slice(first, arm.joints))
         builder.Connect(base, plant.get_desired_state_input_port(model))
         if config.fidelity == "leg":
-            leg_force, free_length = _connect_springs(builder, plant, model, arm, command)
+            leg_force, free_length, stiffness_share = _connect_springs(
+                builder, plant, model, arm, command, faults
+            )
         else:
             set_default_leg_positions(plant, arm, standing)
             leg_force, loop_gap = _connect_prismatic_legs(builder, plant, model, arm, command)
@@ -133,6 +142,7 @@ def AddActuation(
         joint_effort=joint_effort,
         drive_effort=force_map.GetOutputPort("drive_effort"),
         free_length=free_length,
+        stiffness_share=stiffness_share,
         loop_gap=loop_gap,
     )
 
@@ -167,12 +177,16 @@ def _connect_springs(
     model: ModelInstanceIndex,
     arm: SerpentineArm,
     command: OutputPort,
-) -> tuple[OutputPort, OutputPort]:
-    """Commanded legs to the plant's springs; returns their forces, and the lengths asked for."""
-    springs = builder.AddNamedSystem("leg_springs", LegSprings(arm, period=plant.time_step()))
+    faults: Sequence[Fault],
+) -> tuple[OutputPort, OutputPort, OutputPort]:
+    """Commanded legs to the plant's springs; returns their forces, and lengths and shares asked."""
+    springs = builder.AddNamedSystem(
+        "leg_springs", LegSprings(arm, period=plant.time_step(), faults=faults)
+    )
     builder.Connect(command, springs.GetInputPort("leg_command"))
     builder.Connect(plant.get_state_output_port(model), springs.GetInputPort("joint_state"))
-    return springs.GetOutputPort("leg_force"), springs.GetOutputPort("free_length")
+    asked = springs.GetOutputPort("free_length"), springs.GetOutputPort("stiffness_share")
+    return springs.GetOutputPort("leg_force"), *asked
 
 
 def _connect_prismatic_legs(

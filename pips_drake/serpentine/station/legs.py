@@ -12,8 +12,9 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.truss import actuator_pins
 
-#: The station's output port that the server of leg lengths reads.
+#: The station's output ports that the server of the legs reads.
 FREE_LENGTH = "leg_springs.free_length"
+STIFFNESS_SHARE = "leg_springs.stiffness_share"
 
 
 def AddLegSprings(plant: MultibodyPlant, model: ModelInstanceIndex, arm: SerpentineArm) -> None:
@@ -48,20 +49,24 @@ def remove_hinge_drives(
 
 
 class LegServer:
-    """Gives the plant's springs the free lengths that the station asks for.
+    """Gives the plant's springs the free lengths, and shares of their stiffness, asked for.
 
     Only the plant's own context holds them, and no system may write there: a simulator calls
     `monitor` at the end of every step, when what the plant's next step will see is known. Latency:
     none beside that step.
 
     Args:
-        station: with the fidelity `leg`; the simulated diagram itself or a part of it.
+        station: with the fidelity `leg`; the simulated diagram itself or a part of it. One that
+            asks for no shares of stiffness leaves them whole.
     """
 
     def __init__(self, station: Diagram) -> None:
         self._plant = station.GetSubsystemByName("plant")
         self._station = station
         self._port = station.GetOutputPort(FREE_LENGTH)
+        self._share_port = None
+        if station.HasOutputPort(STIFFNESS_SHARE):
+            self._share_port = station.GetOutputPort(STIFFNESS_SHARE)
         default = self._plant.GetDefaultDistanceConstraintParams()
         # In the order of the actuators, in which they were added.
         self._ids = sorted(default, key=lambda number: number.get_value())
@@ -75,13 +80,17 @@ class LegServer:
     def monitor(self, root_context: Context) -> EventStatus:
         """Grants the present request; what `Simulator.set_monitor` takes."""
         plant_context = self._plant.GetMyMutableContextFromRoot(root_context)
-        lengths = np.array(self._port.Eval(self._station.GetMyContextFromRoot(root_context)))
-        for number, length, fixed in zip(self._ids, lengths.tolist(), self._fixed, strict=True):
+        mine = self._station.GetMyContextFromRoot(root_context)
+        lengths = self._port.Eval(mine)
+        shares = np.ones_like(lengths) if self._share_port is None else self._share_port.Eval(mine)
+        for number, length, share, fixed in zip(
+            self._ids, lengths.tolist(), shares.tolist(), self._fixed, strict=True
+        ):
             if not (math.isfinite(length) and length > 0.0):
                 continue  # `advance` gives a diverging run up; Drake would crash on this first
             body_a, pin_a, body_b, pin_b, stiffness, damping = fixed
             params = DistanceConstraintParams(
-                body_a, pin_a, body_b, pin_b, length, stiffness, damping
+                body_a, pin_a, body_b, pin_b, length, share * stiffness, share * damping
             )
             self._plant.SetDistanceConstraintParams(plant_context, number, params)
         return EventStatus.DidNothing()

@@ -29,7 +29,7 @@ from pips_drake.serpentine.station.prismatic_legs import (
     AddPrismaticLegs,
     set_default_leg_positions,
 )
-from pips_drake.serpentine.station.setup import SerpentineSetup, mounting_pose
+from pips_drake.serpentine.station.setup import SerpentineSetup, built_arm, mounting_pose
 from pips_drake.serpentine.systems.actuator_visualizer import AddActuatorVisualizer
 
 Array = NDArray[np.float64]
@@ -75,6 +75,8 @@ def make_plant(
 ) -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
     """Adds a finalized plant with arm and scene; the arm's default posture is home on its path.
 
+    Both are as the scenario's faults have them: a payload displaced, an arm built otherwise.
+
     Args:
         visual_period: how often the drawn actuators move, s; None for a plant that is only posed.
         fidelity: of the actuators, as in `actuation.fidelity`; a posed plant needs none beyond
@@ -88,7 +90,7 @@ def make_plant(
         ),
         builder,
     )
-    arm = setup.arm
+    arm = built_arm(setup, scenario.faults)
     body_arm = lightened(arm) if fidelity == "truss" else arm
     model = AddSerpentineArm(plant, body_arm, mounting_pose(scenario), setup.rail_shift)
     scene = []

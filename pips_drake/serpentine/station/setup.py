@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydrake.math import RigidTransform, RotationMatrix
 
+from pips_drake.config import load_yaml
+from pips_drake.errors import InputError
 from pips_drake.scene.packages import find_arm_file, find_path_file, find_scene_file
 from pips_drake.serpentine.anchoring import anchor_path
 from pips_drake.serpentine.arm import SerpentineArm, load_arm
+from pips_drake.serpentine.arm_file import ArmFile
+from pips_drake.serpentine.fault_config import FaultConfig
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.mounting import mounting_rotation
 from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.tip_path import TipPath
+from pips_drake.serpentine.tolerances import arm_as_built, is_built_otherwise
 from pips_drake.units import INCH
 
 
@@ -23,9 +29,11 @@ class SerpentineSetup:
     """What a scenario names, loaded: the arm, its path, the solver and the scene's file.
 
     Attributes:
+        arm: as plan and controllers believe it to be; `built_arm` is what stands there.
         path: in the arm's frame {0}.
         rail_shift: how far along z0 the arm's frame {0} stands from the scene's `frame_0`, m; not
             0 for an arm whose rail is placed for the path (`anchoring`).
+        arm_file: what the arm was made of.
     """
 
     arm: SerpentineArm
@@ -33,6 +41,7 @@ class SerpentineSetup:
     solver: FollowTheLeader
     scene_file: Path | None
     rail_shift: float = 0.0
+    arm_file: ArmFile | None = None
 
 
 def load_setup(
@@ -46,7 +55,8 @@ def load_setup(
     Raises:
         InputError: a name is unknown, or a file cannot be used.
     """
-    arm = load_arm(find_arm_file(scenario.arm, inside=folder))
+    file = find_arm_file(scenario.arm, inside=folder)
+    arm = load_arm(file)
     drawn_path = load_path(
         find_path_file(scenario.path, inside=folder),
         smooth=scenario.corner_deviation_in > 0.0,
@@ -61,8 +71,26 @@ def load_setup(
     if scene_file is None and scenario.scene:
         scene_file = find_scene_file(scenario.scene, inside=folder)
     return SerpentineSetup(
-        arm=arm, path=path, rail_shift=rail_shift, solver=solver, scene_file=scene_file
+        arm=arm,
+        path=path,
+        rail_shift=rail_shift,
+        solver=solver,
+        scene_file=scene_file,
+        arm_file=load_yaml(ArmFile, file),
     )
+
+
+def built_arm(setup: SerpentineSetup, faults: Sequence[FaultConfig]) -> SerpentineArm:
+    """The arm as it stands: the setup's own, unless faults of its making change it.
+
+    Raises:
+        InputError: the faults name what the arm has not, or the setup was not loaded from a file.
+    """
+    if not is_built_otherwise(faults):
+        return setup.arm
+    if setup.arm_file is None:
+        raise InputError("faults of how the arm is built need the arm's file")
+    return arm_as_built(setup.arm_file, faults)
 
 
 def mounting_pose(scenario: SerpentineScenario) -> RigidTransform:

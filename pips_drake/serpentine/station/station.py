@@ -10,11 +10,11 @@ from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station.actuation import AddActuation
 from pips_drake.serpentine.station.camera import CAMERA_PORTS, AddCameraPointer, AddCameraStation
 from pips_drake.serpentine.station.faults import AddDisturbances, AddEncoders
-from pips_drake.serpentine.station.legs import FREE_LENGTH, LegServer
+from pips_drake.serpentine.station.legs import FREE_LENGTH, STIFFNESS_SHARE, LegServer
 from pips_drake.serpentine.station.motion import make_profile
 from pips_drake.serpentine.station.plant import make_plant
 from pips_drake.serpentine.station.prismatic_legs import legs_name
-from pips_drake.serpentine.station.setup import SerpentineSetup, load_setup
+from pips_drake.serpentine.station.setup import SerpentineSetup, built_arm, load_setup
 from pips_drake.serpentine.station.supervision import (
     SUPERVISOR_PORTS,
     AddMotionSupervisor,
@@ -47,7 +47,9 @@ def MakeSerpentineStation(
 
     Faults (`faults` in the scenario) act in `actuator_servo`; in `encoder_bank`, which is there if
     an encoder fails, and which the supervisor then reads in place of the plant and of
-    `motion_supervisor.encoder_health`; and in `tip_disturbance`.
+    `motion_supervisor.encoder_health`; in `tip_disturbance`; in `leg_springs`; and in the plant,
+    with what is between its drives and the servos, if the arm is built otherwise than path, plan
+    and controllers have it.
 
     Output ports, as `<system>.<port>` (each is described at its system): `tip_path_source.tip`,
     `tip_path_source.phase`, `follow_the_leader.joint_state`, `follow_the_leader.solution`,
@@ -78,7 +80,8 @@ def MakeSerpentineStation(
     Fidelities (`actuation.fidelity`): the above is `joint`. With `leg`, `plant.net_actuation` is
     what the springs between the pins make at the joints; `base_setpoint`, `leg_setpoint`,
     `leg_springs` and `leg_effort_map` stand for `actuator_angle_map`; and `leg_springs.free_length`
-    (A,) is a request, which a `LegServer` grants at every step: `MakeSimulator` installs it. With
+    and `leg_springs.stiffness_share` (A,) are requests, which a `LegServer` grants at every step:
+    `MakeSimulator` installs it. With
     `truss` the legs are bodies of their own model `<arm>_legs`, which stands for
     `actuator_visualizer` and `leg_springs`; `plant.legs_state` (6 A,) is theirs, and
     `loop_gap_meter.gap` (A,) is how far their loops stand open. The latencies are the same.
@@ -145,6 +148,7 @@ def MakeSerpentineStation(
         config=scenario.actuation,
         period=period,
         faults=make_drive_faults(arm, scenario.faults),
+        built=built_arm(setup, scenario.faults),
     )
     AddDisturbances(builder, plant=plant, model=model, arm=arm, faults=scenario.faults)
     monitor = builder.AddNamedSystem(
@@ -206,6 +210,8 @@ def MakeSerpentineStation(
     builder.ExportOutput(actuation.joint_effort, "plant.net_actuation")
     if actuation.free_length is not None:
         builder.ExportOutput(actuation.free_length, FREE_LENGTH)
+    if actuation.stiffness_share is not None:
+        builder.ExportOutput(actuation.stiffness_share, STIFFNESS_SHARE)
     if actuation.loop_gap is not None:
         legs = plant.GetModelInstanceByName(legs_name(arm))
         builder.ExportOutput(plant.get_state_output_port(legs), "plant.legs_state")
