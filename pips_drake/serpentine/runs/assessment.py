@@ -45,6 +45,7 @@ class RunData:
         solution: spine error (m) and iterations of the controller, (N, 2).
         witness: nearest points on arm and scene, (N, 2, 3) m in the world; NaN where nothing was in
             range. None if not recorded.
+        built: the arm that did it; None for the one that the plan believes in.
     """
 
     time: Array
@@ -58,11 +59,17 @@ class RunData:
     pairs: tuple[Pair | None, ...]
     solution: Array
     witness: Array | None = None
+    built: SerpentineArm | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assessment:
-    """Numbers of a run and their verdict."""
+    """Numbers of a run and their verdict.
+
+    Attributes:
+        arm: as the plan has it, which says where every point should be; where it is, and what its
+            drives do, are those of the arm that was built (`RunData.built`).
+    """
 
     arm: SerpentineArm
     path: TipPath
@@ -71,22 +78,27 @@ class Assessment:
     data: RunData
     clearance_range: float
 
+    @property
+    def built(self) -> SerpentineArm:
+        """The arm as it stands."""
+        return self.data.built or self.arm
+
     @cached_property
     def spine_errors(self) -> Array:
         """Distance of each spine point from where it was commanded at that time, (N, M + 1) m."""
         wanted = kinematics.spine_points(self.arm, self.data.commanded_joints)
-        reached = kinematics.spine_points(self.arm, self.data.joints)
+        reached = kinematics.spine_points(self.built, self.data.joints)
         return np.linalg.norm(reached - wanted, axis=-1)
 
     @cached_property
     def drive_coordinates(self) -> Array:
         """Drive coordinates (N, J), m and rad."""
-        return drives_from_joints(self.arm, self.data.joints)
+        return drives_from_joints(self.built, self.data.joints)
 
     @cached_property
     def drive_efforts(self) -> Array:
         """Drive efforts (N, J), N and Nm."""
-        return drive_efforts(self.arm, self.data.joints, self.data.joint_efforts)
+        return drive_efforts(self.built, self.data.joints, self.data.joint_efforts)
 
     @cached_property
     def effort_fractions(self) -> Array:
@@ -96,7 +108,7 @@ class Assessment:
     @cached_property
     def speed_fractions(self) -> Array:
         """Drive speeds over their limits, (N, J)."""
-        speeds = levers(self.arm, self.data.joints) * self.data.joint_rates
+        speeds = levers(self.built, self.data.joints) * self.data.joint_rates
         return np.abs(speeds) / drive_limits(self.arm)[2]
 
     @cached_property
@@ -110,7 +122,9 @@ class Assessment:
     def deviation(self) -> Array:
         """Farthest point of the simulated centre line from the path, (N,) m."""
         solution = self.solver.solve(self.path, self.data.tip_arc_lengths)
-        return posture_deviation(self.arm, self.path, self.data.joints, solution.spine_arc_lengths)
+        return posture_deviation(
+            self.built, self.path, self.data.joints, solution.spine_arc_lengths
+        )
 
     @property
     def nearest(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +15,7 @@ from pips_drake.serpentine.motion_extremes import MotionExtremes, motion_extreme
 from pips_drake.serpentine.motion_profile import MotionProfile
 from pips_drake.serpentine.runs.placed_arm import PlacedArm
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
-from pips_drake.serpentine.station import SerpentineSetup
+from pips_drake.serpentine.station import SerpentineSetup, built_arm
 from pips_drake.twin.certificate.certify import ClearanceCertificate, certify_clearance
 from pips_drake.twin.certificate.proof import save_proof
 from pips_drake.twin.certificate.search import Certificate
@@ -197,6 +197,9 @@ def certify(
         the certified motion, or None where the scene has something that cannot be certified; its
         part of the summary; and sentences that fail the verdict.
     """
+    if what == "simulated":
+        # Strokes and speeds are those of the actuators as they stand.
+        setup = replace(setup, arm=built_arm(setup, scenario.faults))
     try:
         certified = certify_motion(scenario, setup, motion, placed, with_errors=what == "commanded")
     except InputError as error:

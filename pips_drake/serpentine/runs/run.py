@@ -25,6 +25,7 @@ from pips_drake.serpentine.station import (
     MakeSerpentineStation,
     MakeSimulator,
     SerpentineSetup,
+    built_arm,
 )
 from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion
 from pips_drake.twin.simulation import RunTime, advance
@@ -204,6 +205,7 @@ def run_station(
         witness=rows["clearance_monitor.witness"][:, 1:].reshape(-1, 2, 3),
         pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
         solution=rows["follow_the_leader.solution"],
+        built=built_arm(setup, scenario.faults),
     )
     legs = None
     if "plant.legs_state" in rows:

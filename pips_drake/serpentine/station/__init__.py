@@ -29,6 +29,7 @@ from pips_drake.serpentine.station.prismatic_legs import (
 from pips_drake.serpentine.station.setup import (
     SerpentineSetup,
     arm_pose,
+    built_arm,
     load_setup,
     mounting_pose,
 )
@@ -53,6 +54,7 @@ __all__ = [
     "MakeSimulator",
     "SerpentineSetup",
     "arm_pose",
+    "built_arm",
     "camera_target",
     "gravity_in_frame_0",
     "legs_name",
