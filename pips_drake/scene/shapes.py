@@ -192,11 +192,11 @@ def _colliding_shapes(
                 properties.GetProperty(GROUP, MESH),
                 properties.GetProperty(GROUP, SCALE),
             )
-            parts.setdefault(whole, []).append(_hull_of(shape, body))
+            parts.setdefault(whole, []).append(hull_of(shape, body))
             continue
         fit = None
         if type(shape).__name__ in ("Mesh", "Convex"):
-            hull = _hull_of(shape, body)
+            hull = hull_of(shape, body)
             size, fit = tuple(np.ptp(hull.vertices, axis=0).tolist()), _hull_fit(shape, hull)
         else:
             size = _measures(shape)
@@ -237,7 +237,7 @@ def _ratio(volume: float, mesh: TriangleMesh) -> float | None:
     return volume / whole if whole > 0.0 else None
 
 
-def _hull_of(shape: Shape, body: str) -> TriangleMesh:
+def hull_of(shape: Shape, body: str) -> TriangleMesh:
     """The convex hull of a Mesh or Convex, in its own frame.
 
     Raises:
