@@ -19,19 +19,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.links import (
-    COLOURS,
-    Joint,
-    Link,
-    Shape,
-    generated_by,
-    make_links,
-    number,
-    numbers,
-    seen_numbers,
-    touching_groups,
-)
+from pips_drake.serpentine.links import COLOURS, Joint, Link, Shape, make_links, touching_groups
 from pips_drake.serpentine.mounting import GRAVITY, mounting_rotation
+from pips_drake.serpentine.xml_text import document, number, numbers, seen_numbers, unit_axis
 
 #: The step of the twin's plant, s.
 TIME_STEP = 1.0 / 512.0
@@ -48,7 +38,6 @@ def make_mjcf(arm: SerpentineArm, mounting: str = "laboratory") -> str:
     """
     links = make_links(arm)
     root = ET.Element("mujoco", model=arm.name)
-    root.append(ET.Comment(generated_by(arm)))
     ET.SubElement(
         root,
         "compiler",
@@ -84,8 +73,7 @@ def make_mjcf(arm: SerpentineArm, mounting: str = "laboratory") -> str:
     keyframe = ET.SubElement(root, "keyframe")
     home = numbers(arm.joint_home)
     ET.SubElement(keyframe, "key", name="home", qpos=home, ctrl=home)
-    ET.indent(root)
-    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+    return document(root, arm)
 
 
 def _touching_pairs(arm: SerpentineArm) -> list[tuple[str, str]]:
@@ -132,15 +120,13 @@ def _add_body(parent: ET.Element, link: Link, mounting: str) -> ET.Element:
             "joint",
             name=joint.name,
             type="slide" if joint.slides else "hinge",
-            axis=" ".join(f"{value:.0f}" for value in joint.axis),
+            axis=unit_axis(joint),
             range=numbers([joint.lower, joint.upper]),
         )
-    for shape in link.visuals:
-        _add_geom(body, shape, "visual", {})
-    for shape in link.collisions:
+    for role, shape in link.shapes():
         # Names are the whole model's in MJCF.
         own = shape.name if shape.name.startswith(link.name) else f"{link.name}_{shape.name}"
-        _add_geom(body, shape, "collision", {"name": own})
+        _add_geom(body, shape, role, {"name": own} if role == "collision" else {})
     return body
 
 

@@ -9,54 +9,47 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.links import (
-    COLOURS,
-    DRAKE,
-    Joint,
-    Link,
-    Shape,
-    generated_by,
-    make_links,
+from pips_drake.serpentine.links import COLOURS, Joint, Link, Shape, make_links, touching_groups
+from pips_drake.serpentine.xml_text import (
+    add_drive_gains,
+    dimensions,
+    document,
+    drake_tag,
     number,
     numbers,
     seen_numbers,
-    touching_groups,
+    unit_axis,
 )
 
 
 def make_sdf(arm: SerpentineArm) -> str:
     """The SDF text of an arm."""
-    ET.register_namespace("drake", DRAKE)
     root = ET.Element("sdf", version="1.9")
-    root.append(ET.Comment(generated_by(arm)))
     model = ET.SubElement(root, "model", name=arm.name)
     for link in make_links(arm):
         _add_link(model, link)
         if link.joint is not None:
             _add_joint(model, link.joint, link.name)
     for name, members in touching_groups(arm).items():
-        group = ET.SubElement(model, f"{{{DRAKE}}}collision_filter_group", name=name)
+        group = ET.SubElement(model, drake_tag("collision_filter_group"), name=name)
         for member in members:
-            ET.SubElement(group, f"{{{DRAKE}}}member").text = member
-        ET.SubElement(group, f"{{{DRAKE}}}ignored_collision_filter_group").text = name
-    ET.indent(root)
-    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+            ET.SubElement(group, drake_tag("member")).text = member
+        ET.SubElement(group, drake_tag("ignored_collision_filter_group")).text = name
+    return document(root, arm)
 
 
 def _add_joint(model: ET.Element, joint: Joint, child: str) -> None:
-    kind = "prismatic" if joint.slides else "revolute"
-    element = ET.SubElement(model, "joint", name=joint.name, type=kind)
+    element = ET.SubElement(model, "joint", name=joint.name, type=joint.kind)
     ET.SubElement(element, "parent").text = joint.parent
     ET.SubElement(element, "child").text = child
     axis = ET.SubElement(element, "axis")
-    ET.SubElement(axis, "xyz").text = " ".join(f"{value:.0f}" for value in joint.axis)
+    ET.SubElement(axis, "xyz").text = unit_axis(joint)
     limit = ET.SubElement(axis, "limit")
     ET.SubElement(limit, "lower").text = number(joint.lower)
     ET.SubElement(limit, "upper").text = number(joint.upper)
     ET.SubElement(limit, "effort").text = number(joint.effort)
     ET.SubElement(limit, "velocity").text = number(joint.speed)
-    gains = {"p": number(joint.stiffness), "d": number(joint.damping)}
-    ET.SubElement(element, f"{{{DRAKE}}}controller_gains", gains)
+    add_drive_gains(element, joint)
 
 
 def _add_link(model: ET.Element, link: Link) -> None:
@@ -74,10 +67,8 @@ def _add_link(model: ET.Element, link: Link) -> None:
     tensor = {"ixx": xx, "ixy": 0.0, "ixz": 0.0, "iyy": yy, "iyz": 0.0, "izz": zz}
     for name, value in tensor.items():
         ET.SubElement(inertia, name).text = number(value)
-    for shape in link.visuals:
-        _add_shape(element, "visual", shape)
-    for shape in link.collisions:
-        _add_shape(element, "collision", shape)
+    for role, shape in link.shapes():
+        _add_shape(element, role, shape)
 
 
 def _add_shape(link: ET.Element, role: str, shape: Shape) -> None:
@@ -89,14 +80,8 @@ def _add_shape(link: ET.Element, role: str, shape: Shape) -> None:
         turn = shape.rotation.as_quat(canonical=True)
         pose.text = seen_numbers(shape.centre) + "  " + seen_numbers(turn)
     solid = ET.SubElement(ET.SubElement(element, "geometry"), shape.kind)
-    match shape.kind:
-        case "box":
-            ET.SubElement(solid, "size").text = numbers(shape.size)
-        case "sphere":
-            ET.SubElement(solid, "radius").text = numbers(shape.size)
-        case "cylinder":
-            for name, value in zip(("radius", "length"), shape.size, strict=True):
-                ET.SubElement(solid, name).text = seen_numbers([value], 6)
+    for name, text in dimensions(shape).items():
+        ET.SubElement(solid, name).text = text
     if shape.colour is not None:
         material = ET.SubElement(element, "material")
         ET.SubElement(material, "diffuse").text = COLOURS[shape.colour]

@@ -15,18 +15,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.links import (
-    COLOURS,
-    DRAKE,
-    Joint,
-    Link,
-    Shape,
-    generated_by,
-    make_links,
+from pips_drake.serpentine.links import COLOURS, Joint, Link, Shape, make_links, touching_groups
+from pips_drake.serpentine.xml_text import (
+    add_drive_gains,
+    dimensions,
+    document,
+    drake_tag,
     number,
     numbers,
     seen_numbers,
-    touching_groups,
+    unit_axis,
 )
 
 Array = NDArray[np.float64]
@@ -34,9 +32,7 @@ Array = NDArray[np.float64]
 
 def make_urdf(arm: SerpentineArm) -> str:
     """The URDF text of an arm."""
-    ET.register_namespace("drake", DRAKE)
     root = ET.Element("robot", name=arm.name)
-    root.append(ET.Comment(generated_by(arm)))
     links = make_links(arm)
     used = {shape.colour for link in links for shape in link.visuals}
     for name in sorted(colour for colour in used if colour is not None):
@@ -50,12 +46,11 @@ def make_urdf(arm: SerpentineArm) -> str:
     for joint, _ in joints:
         _add_transmission(root, joint)
     for name, members in touching_groups(arm).items():
-        group = ET.SubElement(root, f"{{{DRAKE}}}collision_filter_group", name=name)
+        group = ET.SubElement(root, drake_tag("collision_filter_group"), name=name)
         for member in members:
-            ET.SubElement(group, f"{{{DRAKE}}}member", link=member)
-        ET.SubElement(group, f"{{{DRAKE}}}ignored_collision_filter_group", name=name)
-    ET.indent(root)
-    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+            ET.SubElement(group, drake_tag("member"), link=member)
+        ET.SubElement(group, drake_tag("ignored_collision_filter_group"), name=name)
+    return document(root, arm)
 
 
 def roll_pitch_yaw(rotation: Rotation) -> Array:
@@ -82,10 +77,8 @@ def _add_link(root: ET.Element, link: Link) -> None:
     ET.SubElement(inertial, "mass", value=number(link.mass))
     xx, yy, zz = (number(value) for value in link.moments)
     ET.SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
-    for shape in link.visuals:
-        _add_shape(element, "visual", shape)
-    for shape in link.collisions:
-        _add_shape(element, "collision", shape)
+    for role, shape in link.shapes():
+        _add_shape(element, role, shape)
 
 
 def _add_shape(link: ET.Element, role: str, shape: Shape) -> None:
@@ -95,27 +88,18 @@ def _add_shape(link: ET.Element, role: str, shape: Shape) -> None:
     else:
         turn = seen_numbers(roll_pitch_yaw(shape.rotation))
         ET.SubElement(element, "origin", xyz=seen_numbers(shape.centre), rpy=turn)
-    solid = ET.SubElement(ET.SubElement(element, "geometry"), shape.kind)
-    match shape.kind:
-        case "box":
-            solid.set("size", numbers(shape.size))
-        case "sphere":
-            solid.set("radius", numbers(shape.size))
-        case "cylinder":
-            for name, value in zip(("radius", "length"), shape.size, strict=True):
-                solid.set(name, seen_numbers([value], 6))
+    ET.SubElement(ET.SubElement(element, "geometry"), shape.kind, dimensions(shape))
     if shape.colour is not None:
         ET.SubElement(element, "material", name=shape.colour)
 
 
 def _add_joint(root: ET.Element, joint: Joint, child: str) -> None:
-    kind = "prismatic" if joint.slides else "revolute"
-    element = ET.SubElement(root, "joint", name=joint.name, type=kind)
+    element = ET.SubElement(root, "joint", name=joint.name, type=joint.kind)
     rpy = numbers(roll_pitch_yaw(joint.rotation))
     ET.SubElement(element, "origin", xyz=numbers(joint.translation), rpy=rpy)
     ET.SubElement(element, "parent", link=joint.parent)
     ET.SubElement(element, "child", link=child)
-    ET.SubElement(element, "axis", xyz=" ".join(f"{value:.0f}" for value in joint.axis))
+    ET.SubElement(element, "axis", xyz=unit_axis(joint))
     ET.SubElement(
         element,
         "limit",
@@ -135,5 +119,4 @@ def _add_transmission(root: ET.Element, joint: Joint) -> None:
     ET.SubElement(driven, "hardwareInterface").text = kind
     actuator = ET.SubElement(element, "actuator", name=joint.name)
     ET.SubElement(actuator, "mechanicalReduction").text = "1"
-    gains = {"p": number(joint.stiffness), "d": number(joint.damping)}
-    ET.SubElement(actuator, f"{{{DRAKE}}}controller_gains", gains)
+    add_drive_gains(actuator, joint)
