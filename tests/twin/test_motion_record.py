@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -30,9 +32,15 @@ def wave(t):
 
 
 def record(duration, stride, strides_of=0.25):
+    return recorded(duration, stride, strides_of).motion()
+
+
+def recorded(duration, stride, strides_of=0.25, recent=0.0, freeze_at=math.inf):
     builder = DiagramBuilder()
     system = builder.AddSystem(Waving())
-    recorder = MotionRecorder(builder, system.get_output_port(), positions=2, stride=stride)
+    recorder = MotionRecorder(
+        builder, system.get_output_port(), positions=2, stride=stride, recent=recent
+    )
     diagram = builder.Build()
     simulator = Simulator(diagram)
     simulator.Initialize()
@@ -41,7 +49,9 @@ def record(duration, stride, strides_of=0.25):
         done = min(done + strides_of, duration)
         simulator.AdvanceTo(done)
         recorder.collect(simulator.get_mutable_context())
-    return recorder.motion()
+        if done >= freeze_at:
+            recorder.freeze()
+    return recorder
 
 
 @pytest.mark.parametrize("stride", [1, 4, 7, 1000])
@@ -79,3 +89,20 @@ def test_a_run_that_never_moved_on_is_one_knot():
     recorder.collect(simulator.get_mutable_context())
     motion = recorder.motion()
     assert len(motion.times) <= 1
+
+
+def test_all_steps_are_kept_if_asked_for():
+    steps = recorded(2.0, 4, recent=math.inf, freeze_at=0.5).steps()
+    np.testing.assert_array_equal(steps.times, np.arange(129) * STEP)
+    expected = np.column_stack([wave(steps.times), 3.0 * steps.times])
+    np.testing.assert_array_equal(steps.states[:, :2], expected)
+    assert np.all(steps.states[:, 2:] == 7.0)
+
+
+@pytest.mark.parametrize(("freeze_at", "last"), [(math.inf, 2.0), (1.0, 1.0)])
+def test_the_latest_steps_are_kept_until_they_are_frozen(freeze_at, last):
+    steps = recorded(2.0, 4, recent=0.4, freeze_at=freeze_at).steps()
+    assert steps.times[-1] == last
+    # What is asked for, and at most one look (0.25 s) more.
+    assert last - 0.65 - STEP <= steps.times[0] <= last - 0.4
+    assert np.all(np.diff(steps.times) == STEP), "none is missing"
