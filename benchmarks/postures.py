@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from pydrake.common import Parallelism
@@ -87,32 +88,27 @@ def measure(*, quick: bool) -> list[Line]:
     same = {"postures that differ": float(np.sum(ours != theirs)), "colliding": float(ours.sum())}
     what = f"{count:,} postures"
     threads = all_cores.num_threads()
+    line = partial(Line, unit="us a posture")
+    collision = partial(line, what=f"{what}: do they collide?", agreement=same)
     return [
-        Line(
+        collision(
             name="collision_one",
-            what=f"{what}: do they collide?",
             ours=us["ours"],
-            unit="us a posture",
             beside="Drake SceneGraphCollisionChecker, one thread",
             peer=us["one"],
             limits="Drake's narrow phase; posing and the call from Python are a tenth",
-            agreement=same,
         ),
-        Line(
+        collision(
             name="collision_all",
-            what=f"{what}: do they collide?",
             ours=us["ours, wall"],
-            unit="us a posture",
             beside=f"Drake SceneGraphCollisionChecker, {threads} threads",
             peer=us["all"],
             limits="We use one thread: from Python, threads gain nothing",
-            agreement=same,
         ),
-        Line(
+        line(
             name="clearance",
             what=f"{what}: least distance and its pair, to scene and itself, within {reach:g} m",
             ours=us["clearance"],
-            unit="us a posture",
             beside="Drake CalcRobotClearance (every tenth free posture)",
             peer=us["their clearance"],
             limits="Reading the pairs that Drake found from Python, then Drake's narrow phase",
