@@ -67,6 +67,6 @@ def test_an_unknown_body_names_the_known_ones(standing):
 def test_a_body_that_is_not_welded_cannot_be_displaced():
     plant = MultibodyPlant(0.0)
     model = plant.AddModelInstance("crate")
-    plant.AddRigidBody("crate", model, SpatialInertia())
+    plant.AddRigidBody("crate", model, SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
     with pytest.raises(InputError, match=r"'crate::crate'.* is loose; must be welded"):
         displace_bodies(plant, [model], [fault("crate::crate")])
