@@ -21,8 +21,8 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pips_drake.errors import InputError
-from pips_drake.twin import surface
 from pips_drake.twin.camera import PinholeCamera
+from pips_drake.twin.patches import disc
 from pips_drake.twin.rendering import look_at
 from pips_drake.twin.seen_figure import color_patches, seen_surface_figure
 from pips_drake.twin.surface import SeenSurface, body_surface
@@ -193,4 +193,4 @@ def test_a_figure_of_nothing_seen_can_be_drawn(tmp_path):
 
 
 def test_discs_are_whole():
-    assert surface.disc(0.3, 0.05).areas.sum() == pytest.approx(math.pi * 0.09, rel=1e-12)
+    assert disc(0.3, 0.05).areas.sum() == pytest.approx(math.pi * 0.09, rel=1e-12)
