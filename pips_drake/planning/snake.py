@@ -24,7 +24,7 @@ e' = M e with (K + G) M = G - C. For an eigenvector x with eigenvalue m,
 -1 < m < 1 asks for x'(2G + K - C)x > 0, which g_i > c_i / 2 ensures; g_i >= c_i ensures m >= 0, so
 that nothing overshoots. Along an obstacle's gradient c_i is U'' at the point, which
 `Repulsion.stiffness` gives, summed over obstacles. Across it, the field of a convex surface is soft
-(c < 0): no step is unstable for that, the path itself slides aside. So g_i is U'' at the point, plus
+(c < 0): no step is unstable for that, the path itself slides aside. So g_i is U'' there, plus
 a floor that the tension sets. Because the field is not linear, a step that raises the energy is
 taken again with twice the g, and a factor of two is given back with each step that does not.
 """
