@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 from pydrake.common import Parallelism
-from pydrake.geometry import QueryObject
 from pydrake.planning import (
     RobotCollisionType,
     RobotDiagramBuilder,
     SceneGraphCollisionChecker,
 )
-from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.measuring import Array, Line, measure_in_turn
 from pips_drake.scenarios import load_scenario
 from pips_drake.scene.loading import AddScene
+from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
     BASE_FRAME,
-    VISUAL_PERIOD,
     AddSerpentineArm,
     SerpentineSetup,
     load_setup,
-    make_plant,
     mounting_pose,
 )
 from pips_drake.twin.clearance import ClearanceQuery
@@ -136,34 +132,18 @@ class _Twin:
     """The scenario's plant, posed, and what the twin asks its scene graph."""
 
     def __init__(self, scenario: SerpentineScenario, setup: SerpentineSetup) -> None:
-        builder = DiagramBuilder()
-        self._plant, self._scene_graph, self._model = make_plant(
-            builder,
-            setup,
-            scenario,
-            visual_period=VISUAL_PERIOD,  # as `pips check` has it
-        )
+        self._placed = place_arm(scenario, setup)
         self._query = ClearanceQuery(
-            self._plant, [self._model], max_distance=scenario.clearance_range_m
+            self._placed.plant, [self._placed.model], max_distance=scenario.clearance_range_m
         )
-        self._diagram = builder.Build()
-        self._context = self._diagram.CreateDefaultContext()
-
-    def _posed(self, postures: Array) -> Iterator[QueryObject]:
-        plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
-        scene_context = self._scene_graph.GetMyContextFromRoot(self._context)
-        port = self._scene_graph.get_query_output_port()
-        for q in postures:
-            self._plant.SetPositions(plant_context, self._model, q)
-            yield port.Eval(scene_context)
 
     def collides(self, postures: Array) -> np.ndarray:
         """Whether anything collides, (N,)."""
-        return np.array([query.HasCollisions() for query in self._posed(postures)])
+        return np.array([query.HasCollisions() for query in self._placed.posed(postures)])
 
     def clearances(self, postures: Array) -> Array:
         """Least distances to the scene and to the arm itself, (N, 2) m."""
-        found = [self._query.least(query) for query in self._posed(postures)]
+        found = [self._query.least(query) for query in self._placed.posed(postures)]
         return np.array([[scene.distance, own.distance] for scene, own in found])
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
-from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.errors import InputError
 from pips_drake.serpentine.dynamics import inverse_dynamics
+from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
-from pips_drake.serpentine.station import gravity_in_frame_0, load_setup, make_plant
+from pips_drake.serpentine.station import gravity_in_frame_0, load_setup
 
 GRAVITY = np.array([0.3, -9.0, 2.0])
 
@@ -27,9 +27,9 @@ def random_motions(arm, count):
 def test_efforts_are_those_of_drakes_inverse_dynamics(name, mounting):
     scenario = SerpentineScenario(path="trajectory_4", arm=name, mounting=mounting)
     setup = load_setup(scenario)
-    builder = DiagramBuilder()
-    plant, _, model = make_plant(builder, setup, scenario)
-    context = plant.GetMyContextFromRoot(builder.Build().CreateDefaultContext())
+    placed = place_arm(scenario, setup)
+    plant, model = placed.plant, placed.model
+    context = plant.GetMyContextFromRoot(placed.diagram.CreateDefaultContext())
     q, v, a = random_motions(setup.arm, 20)
     efforts = inverse_dynamics(setup.arm, q, v, a, gravity_in_frame_0(plant))
     for i in range(len(q)):

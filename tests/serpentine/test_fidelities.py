@@ -16,6 +16,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from pips_drake.serpentine.legs import leg_coordinates, lightened, make_legs
 from pips_drake.serpentine.runs.pictures import write_run_replay
+from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.runs.simulate import simulate
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
@@ -70,12 +71,11 @@ def postures():
 
 def gravity_work(q):
     """What holds the arm at q, (18,) N and Nm, by Drake's gravity on the undivided arm."""
-    builder = DiagramBuilder()
-    setup = load_setup(scenario("joint"))
-    plant, _, model = make_plant(builder, setup, scenario("joint"))
-    diagram = builder.Build()
-    context = plant.GetMyMutableContextFromRoot(diagram.CreateDefaultContext())
-    plant.SetPositions(context, model, q)
+    made = scenario("joint")
+    placed = place_arm(made, load_setup(made))
+    plant = placed.plant
+    context = plant.GetMyMutableContextFromRoot(placed.diagram.CreateDefaultContext())
+    plant.SetPositions(context, placed.model, q)
     return -plant.CalcGravityGeneralizedForces(context)
 
 

@@ -156,16 +156,8 @@ def _check(
 
 
 def _sample_clearance(plan: Plan, scenario: SerpentineScenario, placed: PlacedArm) -> Clearances:
-    plant, scene_graph, model = placed.plant, placed.scene_graph, placed.model
-    query = ClearanceQuery(plant, [model], max_distance=scenario.clearance_range_m)
-    context = placed.diagram.CreateDefaultContext()
-    plant_context = plant.GetMyContextFromRoot(context)
-    scene_context = scene_graph.GetMyContextFromRoot(context)
-    result = []
-    for q in plan.joints[plan.solution.solved]:
-        plant.SetPositions(plant_context, model, q)
-        result.append(query.least(scene_graph.get_query_output_port().Eval(scene_context)))
-    return result
+    query = ClearanceQuery(placed.plant, [placed.model], max_distance=scenario.clearance_range_m)
+    return [query.least(scene) for scene in placed.posed(plan.joints[plan.solution.solved])]
 
 
 def _clearance_numbers(plan: Plan, clearance: Clearances) -> dict[str, Any]:

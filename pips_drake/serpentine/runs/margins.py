@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.serpentine import kinematics
@@ -18,15 +17,14 @@ from pips_drake.serpentine.drives import drive_efforts, drive_limits
 from pips_drake.serpentine.fault_config import FaultConfig
 from pips_drake.serpentine.mounting import mounting_gravity
 from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts, sag
 from pips_drake.serpentine.station import (
-    VISUAL_PERIOD,
     SerpentineSetup,
     arm_pose,
     gravity_in_frame_0,
     load_setup,
-    make_plant,
 )
 from pips_drake.serpentine.tolerances import (
     Errors,
@@ -188,26 +186,13 @@ def _postures(
     if errors.payload.any():
         offset = [float(value) * 1e3 for value in errors.payload]
         displaced = [FaultConfig(kind="payload_displaced", body=believed.payload, offset_mm=offset)]
-    builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(
-        builder,
-        replace(setup, arm=arm),
-        # The scenario's own faults are of its run, not of what is studied here.
-        replace(scenario, faults=displaced),
-        visual_period=VISUAL_PERIOD,
-    )
-    diagram = builder.Build()
+    # The scenario's own faults are of its run, not of what is studied here.
+    placed = place_arm(replace(scenario, faults=displaced), replace(setup, arm=arm))
     # Far enough to say how tight every case is, whatever the scenario's reach.
-    query = ClearanceQuery(plant, [model], max_distance=_REACH, scene_body=only)
-    context = diagram.CreateDefaultContext()
-    plant_context = plant.GetMyContextFromRoot(context)
-    scene_context = scene_graph.GetMyContextFromRoot(context)
-    gravity = gravity_in_frame_0(plant)
+    query = ClearanceQuery(placed.plant, [placed.model], max_distance=_REACH, scene_body=only)
+    gravity = gravity_in_frame_0(placed.plant)
     joints = _standing(believed, errors, gravity)
-    pairs = []
-    for q in joints:
-        plant.SetPositions(plant_context, model, q)
-        pairs.append(query.least(scene_graph.get_query_output_port().Eval(scene_context)))
+    pairs = [query.least(scene) for scene in placed.posed(joints)]
     efforts = drive_efforts(arm, joints, holding_efforts(arm, joints, gravity))
     return pairs, float((np.abs(efforts) / drive_limits(arm)[3]).max()), joints
 

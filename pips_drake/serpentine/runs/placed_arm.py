@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from pydrake.geometry import SceneGraph
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
@@ -21,6 +24,19 @@ class PlacedArm:
     plant: MultibodyPlant
     scene_graph: SceneGraph
     model: ModelInstanceIndex
+
+    def posed(self, postures: Iterable[NDArray[np.float64]]) -> Iterator[QueryObject]:
+        """The scene with the arm in one posture after another, (joints,) m and rad each.
+
+        A query is good until the next is asked for.
+        """
+        context = self.diagram.CreateDefaultContext()
+        plant_context = self.plant.GetMyMutableContextFromRoot(context)
+        scene_context = self.scene_graph.GetMyContextFromRoot(context)
+        port = self.scene_graph.get_query_output_port()
+        for q in postures:
+            self.plant.SetPositions(plant_context, self.model, q)
+            yield port.Eval(scene_context)
 
 
 def place_arm(scenario: SerpentineScenario, setup: SerpentineSetup) -> PlacedArm:

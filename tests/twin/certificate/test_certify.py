@@ -35,7 +35,8 @@ from pips_drake.errors import InputError
 from pips_drake.scenarios import load_scenario
 from pips_drake.scene.decomposition import AddConvexParts
 from pips_drake.serpentine.plan import make_plan
-from pips_drake.serpentine.station import load_setup, make_plant
+from pips_drake.serpentine.runs.placed_arm import place_arm
+from pips_drake.serpentine.station import load_setup
 from pips_drake.twin.certificate.bodies import place_shape
 from pips_drake.twin.certificate.certify import certify_clearance, read_problems
 from pips_drake.twin.certificate.proof import make_proof, save_proof
@@ -346,26 +347,22 @@ def trajectory_4():
     scenario = load_scenario("trajectory_4").config
     setup = load_setup(scenario)
     plan = make_plan(setup.arm, setup.path)
-    builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, scenario)
-    return builder.Build(), plant, scene_graph, model, plan.joints[plan.solution.solved]
+    return place_arm(scenario, setup), plan.joints[plan.solution.solved]
 
 
 def test_trajectory_4_takes_less_than_20_queries(trajectory_4, tmp_path: Path) -> None:
-    diagram, plant, scene_graph, model, joints = trajectory_4
-    inspector = scene_graph.model_inspector()
+    placed, joints = trajectory_4
+    plant, model = placed.plant, placed.model
+    inspector = placed.scene_graph.model_inspector()
     found = certify_clearance(plant, inspector, [model], joints)
     assert found.scene.queries + found.own.queries <= 20
     for group in (found.scene, found.own):
         assert 0.0 <= group.upper - group.lower <= 1e-4
     # The pallet and the arm are boxes, of which Drake's distances are right.
-    context = diagram.CreateDefaultContext()
     query = ClearanceQuery(plant, [model], max_distance=1.0)
-    port, mine = scene_graph.get_query_output_port(), scene_graph.GetMyContextFromRoot(context)
-    sampled = []
-    for q in joints[::6]:
-        plant.SetPositions(plant.GetMyContextFromRoot(context), model, q)
-        sampled.append([pair.distance for pair in query.least(port.Eval(mine))])
+    sampled = [
+        [pair.distance for pair in query.least(scene)] for scene in placed.posed(joints[::6])
+    ]
     assert found.scene.lower <= min(scene for scene, _ in sampled)
     assert found.own.lower <= min(own for _, own in sampled)
     assert found.scene.witness.bodies == ("prototype::segment_3", "pallet::pallet")
@@ -383,11 +380,11 @@ def test_trajectory_4_takes_less_than_20_queries(trajectory_4, tmp_path: Path) -
 
 
 def test_trajectory_4_with_joint_errors_keeps_most_of_its_clearance(trajectory_4) -> None:
-    _, plant, scene_graph, model, joints = trajectory_4
+    placed, joints = trajectory_4
     scene, _ = read_problems(
-        plant,
-        scene_graph.model_inspector(),
-        [model],
+        placed.plant,
+        placed.scene_graph.model_inspector(),
+        [placed.model],
         joints[::4],
         deviation=np.array([1e-3] + [math.radians(0.05)] * 17),
     )
