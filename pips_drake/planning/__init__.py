@@ -1,1 +1,1 @@
-"""The path planner: from a goal to a path that an arm can follow, clear of everything (CMU-92)."""
+"""From a goal to a path that an arm can take: grid search, potential field, snake (CMU-92)."""

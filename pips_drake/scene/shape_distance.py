@@ -259,3 +259,23 @@ def distances_many(field, points):
         distance[i], nearest[i] = d, m
         gradient[i, 0], gradient[i, 1], gradient[i, 2] = gx, gy, gz
     return distance, gradient, nearest
+
+
+@numba.njit(cache=True)
+def distances_to_groups(field, groups, count, points):
+    """Distances (N, B) and gradients (N, B, 3) of points (N, 3) to B = `count` groups of shapes.
+
+    Args:
+        groups: the group of each shape, (M,), from 0; every group has a shape.
+    """
+    distance = np.full((points.shape[0], count), np.inf)
+    gradient = np.zeros((points.shape[0], count, 3))
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for m in range(groups.shape[0]):
+            b = groups[m]
+            d, gx, gy, gz = distance_to_shape(field, m, x, y, z)
+            if d < distance[i, b]:
+                distance[i, b] = d
+                gradient[i, b, 0], gradient[i, b, 1], gradient[i, b, 2] = gx, gy, gz
+    return distance, gradient

@@ -32,6 +32,7 @@ from pips_drake.scene.shape_distance import (
     SPHERE,
     FieldArrays,
     distances_many,
+    distances_to_groups,
 )
 from pips_drake.scene.shapes import hull_of, scene_frames
 
@@ -117,15 +118,32 @@ class SignedDistanceField:
         Raises:
             InputError: the points are not rows of three finite numbers.
         """
-        p = np.ascontiguousarray(points, dtype=np.float64)
-        if p.ndim != 2 or p.shape[1] != 3:
-            raise InputError(f"points have shape {p.shape}; must be (N, 3)")
-        finite = np.isfinite(p).all(axis=1)
-        if not finite.all():
-            row = int(np.argmin(finite))
-            raise InputError(f"points[{row}] = {p[row].tolist()}; must be finite")
-        distances, gradients, indices = distances_many(self.arrays, p)
+        distances, gradients, indices = distances_many(self.arrays, _checked(points))
         return NearestShapes(distances=distances, gradients=gradients, indices=indices)
+
+    def to_bodies(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Distances to each body by itself, for forces that come from all of them.
+
+        Args:
+            points: (N, 3) m in the world.
+
+        Returns:
+            Distances (N, B) m, in the order of `bodies`, and their gradients (N, B, 3).
+
+        Raises:
+            InputError: as of `nearest`.
+        """
+        bodies = self.bodies
+        groups = np.array([bodies.index(placed.body) for placed in self.shapes], dtype=np.int64)
+        distances, gradients = distances_to_groups(
+            self.arrays, groups, len(bodies), _checked(points)
+        )
+        return distances, gradients
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies' names, in the order of their first shapes."""
+        return tuple(dict.fromkeys(placed.body for placed in self.shapes))
 
     def label(self, index: int) -> str:
         """What a shape is called in messages: its body, and its name where that says more."""
@@ -142,9 +160,8 @@ class SignedDistanceField:
         Raises:
             UnknownNameError: there is no such body.
         """
-        bodies = {placed.body for placed in self.shapes}
-        if body not in bodies:
-            raise UnknownNameError("body", body, sorted(bodies))
+        if body not in self.bodies:
+            raise UnknownNameError("body", body, self.bodies)
         return SignedDistanceField.of(placed for placed in self.shapes if placed.body != body)
 
 
@@ -203,6 +220,17 @@ def read_distance_field(
     query = scene_graph.get_query_output_port().Eval(context)
     nobody = ModelInstanceIndex(plant.num_model_instances())
     return SignedDistanceField.of(placed_shapes(query, scene_frames(plant, nobody)))
+
+
+def _checked(points: ArrayLike) -> Array:
+    p = np.ascontiguousarray(points, dtype=np.float64)
+    if p.ndim != 2 or p.shape[1] != 3:
+        raise InputError(f"points have shape {p.shape}; must be (N, 3)")
+    finite = np.isfinite(p).all(axis=1)
+    if not finite.all():
+        row = int(np.argmin(finite))
+        raise InputError(f"points[{row}] = {p[row].tolist()}; must be finite")
+    return p
 
 
 def _arrays_of(shapes: Sequence[PlacedShape]) -> FieldArrays:

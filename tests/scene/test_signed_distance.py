@@ -235,6 +235,22 @@ def test_shapes_are_added_and_taken_away_by_name():
         more.without_body("pst")
 
 
+def test_distances_to_bodies_are_those_of_each_body_alone():
+    rng = np.random.default_rng(12)
+    shapes = [
+        PlacedShape(f"body_{i % 3}", "", random_shape(rng, "Box"), random_pose(rng))
+        for i in range(9)
+    ]
+    field = SignedDistanceField.of(shapes)
+    points = rng.uniform(-2.0, 2.0, (200, 3))
+    distances, gradients = field.to_bodies(points)
+    assert field.bodies == ("body_0", "body_1", "body_2")
+    for i, body in enumerate(field.bodies):
+        alone = SignedDistanceField.of(s for s in shapes if s.body == body).nearest(points)
+        np.testing.assert_array_equal(distances[:, i], alone.distances)
+        np.testing.assert_array_equal(gradients[:, i], alone.gradients)
+
+
 def test_nothing_is_infinitely_far():
     found = SignedDistanceField.of([]).nearest(np.zeros((2, 3)))
     assert np.isinf(found.distances).all()
