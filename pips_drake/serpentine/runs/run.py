@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +16,11 @@ from pydrake.geometry import (
     MeshcatVisualizerParams,
 )
 from pydrake.lcm import DrakeLcm
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pips_drake.serpentine.runs.assessment import RunData
+from pips_drake.serpentine.runs.hit import ContactWatch, steps_to_keep
 from pips_drake.serpentine.runs.supervised import RunEnd, Supervised, log_supervisor, read_log
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
@@ -27,7 +30,7 @@ from pips_drake.serpentine.station import (
     SerpentineSetup,
     built_arm,
 )
-from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion
+from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion, RecordedSteps
 from pips_drake.twin.simulation import RunTime, advance
 
 Array = NDArray[np.float64]
@@ -84,6 +87,8 @@ class Run:
         pan_tilt: of the camera at the data's times, (N, 2) rad; None without a camera.
         legs: at the data's times; None but with the fidelity `truss`.
         supervised: what the supervisor decided; None without one.
+        steps: the arm's state at every step of the plant, around the first contact that the monitor
+            saw, or all of them if asked for; None if there was no contact.
     """
 
     diagram: Diagram
@@ -91,6 +96,7 @@ class Run:
     data: RunData
     motion: RecordedMotion
     run_time: RunTime
+    steps: RecordedSteps | None = None
     pan_tilt: Array | None = None
     legs: LegData | None = None
     supervised: Supervised | None = None
@@ -109,10 +115,12 @@ def make_run_diagram(
     *,
     meshcat: Meshcat | None = None,
     lcm: DrakeLcm | None = None,
+    every_step: bool = False,
 ) -> RunDiagram:
     """Builds a scenario's station with logs around it.
 
     Args:
+        every_step: the recorder keeps every step of the plant, not only the latest ones.
         meshcat: shows the run while it goes on.
         lcm: where Meldis is told of it; Drake's default address without it.
     """
@@ -137,6 +145,7 @@ def make_run_diagram(
         station.GetOutputPort("plant.state"),
         positions=setup.arm.joints,
         stride=scenario.clocks.plant_hz // scenario.clocks.control_hz,
+        recent=math.inf if every_step else steps_to_keep(scenario),
     )
     query = station.GetOutputPort("scene_graph.query")
     # Meldis listens on LCM: it shows whatever runs.
@@ -169,20 +178,27 @@ def run_station(
     meshcat: Meshcat | None = None,
     lcm: DrakeLcm | None = None,
     label: str = "simulating",
+    every_step: bool = False,
+    prepare: Callable[[Diagram, Context], None] | None = None,
 ) -> Run:
     """Runs a scenario's station (`make_run_diagram`) from start to end.
 
     Args:
         label: of the progress bar.
+        every_step: keep every step of the plant.
+        prepare: called with the station and its context before the run: begins it elsewhere.
     """
-    built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm)
+    built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm, every_step=every_step)
     station = built.station
     simulator = MakeSimulator(built.diagram, scenario)
+    if prepare is not None:
+        prepare(station, station.GetMyMutableContextFromRoot(simulator.get_mutable_context()))
+    watch = ContactWatch(built.recorder, built.logs["clearance_monitor.clearance"])
     run_time = advance(
         simulator,
         built.duration,
         label=label,
-        watch=built.recorder.collect,
+        watch=watch,
         finished=built.end,
         latest=built.end.latest,
     )
@@ -232,5 +248,6 @@ def run_station(
         data=data,
         motion=built.recorder.motion(),
         run_time=run_time,
+        steps=built.recorder.steps() if every_step or watch.touched else None,
         pan_tilt=rows.get("camera_pointer.pan_tilt"),
     )

@@ -16,14 +16,9 @@ from pydrake.geometry import (
 from pips_drake.errors import NotFollowableError
 from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.runs.assessment import Assessment
-from pips_drake.serpentine.runs.certified import (
-    CertifiedMotion,
-    certify,
-    commanded_motion,
-    write_proof,
-)
 from pips_drake.serpentine.runs.film import film_run
 from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
+from pips_drake.serpentine.runs.judgement import judge_run
 from pips_drake.serpentine.runs.motion_report import motion_report
 from pips_drake.serpentine.runs.pictures import (
     run_bookmarks,
@@ -31,7 +26,6 @@ from pips_drake.serpentine.runs.pictures import (
     write_run_pictures,
     write_run_replay,
 )
-from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.runs.run_files import (
     write_diagram,
@@ -49,10 +43,8 @@ from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
     SerpentineSetup,
     load_setup,
-    make_profile,
     plant_time_step,
 )
-from pips_drake.twin.motion_record import RecordedMotion
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.recording import write_csv
 from pips_drake.twin.simulation import DivergedError
@@ -132,20 +124,13 @@ def _simulate_into(
     is_fastest = scenario.motion.profile == "fastest"
     picture = folder / "figures" / "fastest_motion.png" if is_fastest else None
     motion, _ = motion_report(scenario, setup, figure=picture)
-    assessment = Assessment(
-        arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
-        checks=scenario.checks,
-        data=run.data,
-        clearance_range=scenario.clearance_range_m,
-    )
     supervised, sagging = run.supervised, None
     if scenario.actuation.show_uncompensated and scenario.actuation.compensate_deflection:
         sagging = _uncompensated(scenario, setup)
-    certified, proved, failures = _certify(folder, scenario, setup, assessment, run.motion)
+    judgement = judge_run(scenario, setup, run, proofs=folder)
+    assessment = judgement.assessment
     write_series(folder, assessment)
-    write_run_figures(folder, assessment, sagging, certified)
+    write_run_figures(folder, assessment, sagging, judgement.certified)
     no_pictures = write_run_pictures(folder / "figures", scenario, setup, assessment)
     film = None
     if run.pan_tilt is not None:
@@ -167,8 +152,7 @@ def _simulate_into(
     summary = (
         plan_numbers(plan)
         | motion
-        | assessment.summary()
-        | proved
+        | judgement.summary
         | {
             "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
             "simulated_s": run.run_time.simulated_s,
@@ -184,8 +168,6 @@ def _simulate_into(
         }
     )
     if supervised is not None:
-        summary |= supervised.summary()
-        failures = supervised.failures() + failures
         write_csv(supervised.log.series(), folder / "supervisor.csv")
     if run.legs is not None:
         write_gaps(folder, setup.arm, run.data.time, run.legs.gaps)
@@ -197,44 +179,7 @@ def _simulate_into(
         summary["renderings_missing"] = no_pictures
     if sagging is not None:
         summary["spine_error_max_uncompensated_m"] = sagging.spine_errors.max()
-    return summary, assessment.failures() + failures
-
-
-def _certify(
-    folder: Path,
-    scenario: SerpentineScenario,
-    setup: SerpentineSetup,
-    assessment: Assessment,
-    motion: RecordedMotion,
-) -> tuple[CertifiedMotion | None, dict[str, Any], list[str]]:
-    """Certifies the commanded and the simulated motion and writes their proofs.
-
-    Returns:
-        what is proved of the simulated one; the summary's part; what fails the verdict.
-    """
-    if not scenario.certificate.enabled:
-        return None, {}, []
-    placed = place_arm(scenario, setup)
-    profile = make_profile(scenario, setup)
-    # The verdict is that of the simulated motion.
-    commanded, summary, _ = certify(
-        "commanded", scenario, setup, commanded_motion(scenario, setup, profile), placed
-    )
-    simulated, more, failures = certify(
-        "simulated",
-        scenario,
-        setup,
-        motion,
-        placed,
-        sampled={
-            "clearance": float(assessment.data.clearance.min()),
-            "self_clearance": float(assessment.data.self_clearance.min()),
-        },
-    )
-    for name, certified in (("commanded", commanded), ("simulated", simulated)):
-        if certified is not None:
-            write_proof(folder / f"proof_{name}.npz", certified)
-    return simulated, summary | more, failures
+    return summary, list(judgement.failures)
 
 
 def _uncompensated(scenario: SerpentineScenario, setup: SerpentineSetup) -> Assessment:
