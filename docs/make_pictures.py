@@ -40,7 +40,7 @@ IMAGES = Path(__file__).resolve().parent / "images"
 #: Pixels of a model's picture, before its empty border is cut off.
 SIZE = (1200, 750)
 #: How far an arm's hinges are bent in its picture, as a part of their limits.
-BENDS = {"prototype": 0.6}
+BENDS = {"prototype": 0.6, "cmu_92": -0.15}
 #: Free border around what is shown, pixels.
 BORDER = 24
 

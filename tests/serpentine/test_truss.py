@@ -10,7 +10,7 @@ from pips_drake.serpentine.kinematics import frames
 from pips_drake.serpentine.truss import actuator_pins, segment_struts
 
 
-@pytest.mark.parametrize("name", ["prototype", "pcr_concept"])
+@pytest.mark.parametrize("name", ["prototype", "pcr_concept", "cmu_92"])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_pins_are_as_far_apart_as_the_linkage_says(name, mirrored):
     arm = replace(load_arm(name), mirrored=mirrored)
