@@ -63,22 +63,27 @@ def _run(args: Sequence[str] | None) -> int:
         if isinstance(command, Follow | Check | Simulate | Verify | Study):
             tell_of_compiling()
         code: int = command.run()
-    except InputError as error:
-        return complain(error, BAD_INPUT)
-    except PipsError as error:
-        return complain(error, FAILED)
-    except OSError as error:
-        if error.errno not in _NO_ROOM:
-            raise
-        return complain(f"{error.filename or 'output'}: {error.strerror}", BAD_INPUT)
+        return code
     except KeyboardInterrupt:
-        interrupts.end()
         return complain(_NOTHING_WRITTEN, INTERRUPTED)
-    except Exception:
-        if interrupts.end():
+    except Exception as error:
+        if interrupts.came:
             return complain(_NOTHING_WRITTEN, INTERRUPTED)
-        raise
-    return code
+        return _complain_of(error)
+    finally:
+        interrupts.end()
+
+
+def _complain_of(error: Exception) -> int:
+    """Says what went wrong, in a line; returns the exit code. What is our own mistake is raised."""
+    match error:
+        case InputError():
+            return complain(error, BAD_INPUT)
+        case PipsError():
+            return complain(error, FAILED)
+        case OSError() if error.errno in _NO_ROOM:
+            return complain(f"{error.filename or 'output'}: {error.strerror}", BAD_INPUT)
+    raise error
 
 
 def _parse(args: Sequence[str] | None) -> Any:

@@ -24,10 +24,13 @@ class Interrupts:
     An exception raised in a callback from C (numba's compiler has many) goes no farther than the
     callback: Python reports it to a hook and carries on, with whatever the callback left undone. So
     the interrupt comes once more; and what breaks after the first breaks because of it.
+
+    Attributes:
+        came: whether there was an interrupt.
     """
 
     def __init__(self) -> None:
-        self._interrupted = False
+        self.came, self._lost, self._over = False, False, False
         self._report = sys.unraisablehook
 
     def install(self) -> None:
@@ -38,26 +41,32 @@ class Interrupts:
         signal.signal(signal.SIGALRM, self._interrupt_again)
         sys.unraisablehook = self._look
 
-    def end(self) -> bool:
-        """Whether the program has been interrupted; no interrupt comes again after this."""
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        return self._interrupted
+    def end(self) -> None:
+        """The command is done, well or not: no interrupt comes again."""
+        self._over = True  # first, for the one that is on its way
+        if self._lost:  # else the clock may be another's
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
-        self._interrupted = True
+        self.came = True
         raise KeyboardInterrupt
 
     def _interrupt_again(self, number: int, frame: FrameType | None) -> None:
-        if sys.exception() is None:
+        if sys.exception() is None and not self._over:
             raise KeyboardInterrupt
         # On the way out already, perhaps cleaning up, which must not be cut short.
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        self._come_again()
 
     def _look(self, unraisable: Any) -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-        elif not self._interrupted:  # else it is of something that the interrupt left half made
+            self._come_again()
+        elif not self.came:  # else it is of something that the interrupt left half made
             self._report(unraisable)
+
+    def _come_again(self) -> None:
+        self._lost = True
+        if not self._over:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
 
 
 def tell_of_compiling() -> None:

@@ -126,7 +126,7 @@ OPTIONS = {
     "follow trajectory_5": "unknown path 'trajectory_5' (did you mean 'trajectory_",
     "check trajectory_5": "unknown path 'trajectory_5' (did you mean 'trajectory_",
     "check trajectory_4 --arm nobody": "unknown arm 'nobody'; known: ",
-    "check trajectory_4 --scene nowhere": "unknown scene 'nowhere'; known: trajectory_",
+    "check trajectory_4 --scene nowhere": "unknown scene 'nowhere'; known: ",
     "check trajectory_4 --mounting ceiling": (
         "unknown mounting 'ceiling'; known: laboratory, pad, pad_below"
     ),
