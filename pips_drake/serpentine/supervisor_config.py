@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 
 from pips_drake.config import require
-from pips_drake.serpentine.supervision import Thresholds
+from pips_drake.serpentine.supervision_causes import Thresholds
 
 #: Longest time that a supervisor's settings may ask for, s.
 _LONGEST = 86400.0
@@ -35,14 +35,22 @@ class SupervisorConfig:
     # whose deflection is not compensated (17 mm on trajectory 4).
     tracking_hold_mm: float = 40.0
     tracking_resume_mm: float = 25.0
+    # Held for its tracking error, an arm stops at once if that grows by as much more, mm, while no
+    # drive is at the limit of its force: a drive runs away. More than twice what a tip at 45 mm/s
+    # goes on until it is held (11 mm), by which an arm that follows no more falls behind.
+    tracking_growth_mm: float = 20.0
     # Largest share of its limit that a drive may need. `motion.profile: fastest` plans up to 0.95.
     force_fraction_hold: float = 0.98
     force_fraction_resume: float = 0.8
-    # Clearances that fall more slowly are taken to stand, mm/s: a hand that swings at 3 Hz by
-    # 0.05 mm moves as fast.
+    # Clearances that fall, and tracking errors that grow, more slowly are taken to stand, mm/s: a
+    # hand that swings at 3 Hz by 0.05 mm moves as fast.
     closing_speed_mm_per_s: float = 1.0
     # How much clearance may be lost on the way out of a hold, mm, before that way is barred too.
     give_way_mm: float = 5.0
+    # How long a cause must be past its resume threshold, and the arm within `tracking_resume_mm` of
+    # its place, before motion is free again, s. More than a period of the arm's lowest mode (3 Hz):
+    # an arm that swings passes thresholds several times a second.
+    quiet_s: float = 0.5
     # Time to come from the profile's speed to a hold, s. More than a period of the arm's lowest
     # mode (3 Hz), so that it comes to rest without swinging.
     hold_ramp_s: float = 0.5
@@ -58,6 +66,8 @@ class SupervisorConfig:
         for name in (
             "retract_clearance_mm",
             "own_hold_clearance_mm",
+            "tracking_growth_mm",
+            "quiet_s",
             "closing_speed_mm_per_s",
             "give_way_mm",
             "patience_s",
@@ -80,7 +90,7 @@ class SupervisorConfig:
             require(value > 0.0, f"supervisor.{name}", value, "> 0")
         share = self.safe_speed_fraction
         require(0.01 <= share <= 1.0, "supervisor.safe_speed_fraction", share, "0.01 .. 1")
-        for name in ("hold_ramp_s", "patience_s", "overtime_s"):
+        for name in ("hold_ramp_s", "quiet_s", "patience_s", "overtime_s"):
             value = getattr(self, name)
             require(value <= _LONGEST, f"supervisor.{name}", value, f"<= {_LONGEST:g}")
 
@@ -98,10 +108,12 @@ class SupervisorConfig:
             own_resume_clearance=self.own_resume_clearance_mm * 1e-3,
             tracking_hold=self.tracking_hold_mm * 1e-3,
             tracking_resume=self.tracking_resume_mm * 1e-3,
+            tracking_growth=self.tracking_growth_mm * 1e-3,
             force_hold=self.force_fraction_hold,
             force_resume=self.force_fraction_resume,
             closing_speed=self.closing_speed_mm_per_s * 1e-3,
             give_way=self.give_way_mm * 1e-3,
+            quiet_time=self.quiet_s,
             stopping_time=latency + 0.5 * self.hold_ramp_s,
             patience=self.patience_s or math.inf,
             safe_share=self.safe_speed_fraction,

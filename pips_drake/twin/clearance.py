@@ -105,15 +105,20 @@ class ClearanceQuery:
                 break
         return self._describe(query, scene), self._describe(query, own)
 
-    def scene_pairs(self, query: QueryObject, reach: float) -> list[LeastDistance]:
-        """Every pair of robot and scene that is nearer than `reach` (m), in no order."""
+    def near_pairs(
+        self, query: QueryObject, reach: float
+    ) -> tuple[list[LeastDistance], list[LeastDistance]]:
+        """Every pair nearer than `reach` (m), in no order: of robot and scene, and of the robot."""
         robot, ignored = self._robot, self._ignored
-        found = []
+        scene: list[LeastDistance] = []
+        own: list[LeastDistance] = []
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(reach):
             first, second = pair.id_A in robot, pair.id_B in robot
-            if first != second and (pair.id_B if first else pair.id_A) not in ignored:
-                found.append(self._describe(query, pair))
-        return found
+            if first and second:
+                own.append(self._describe(query, pair))
+            elif (first or second) and (pair.id_B if first else pair.id_A) not in ignored:
+                scene.append(self._describe(query, pair))
+        return scene, own
 
     def _nearest(
         self, pairs: Sequence[SignedDistancePair]

@@ -11,7 +11,8 @@ from pips_drake.serpentine.supervisor_config import SupervisorConfig
 PERIOD = 1.0 / 32.0
 LATENCY = 0.1
 SPEED = 0.025
-#: Hold at 20 mm, resume at 25, retract at 10; own 5 and 8; tracking 40 and 25; force 0.98 and 0.8.
+#: Hold at 20 mm, resume at 25, retract at 10; own 5 and 8; tracking 40 and 25, and
+#: 20 more; force 0.98 and 0.8; quiet for 0.5 s.
 CONFIG = SupervisorConfig()
 THRESHOLDS = CONFIG.thresholds(LATENCY)
 
@@ -70,5 +71,10 @@ def held_ahead():
     return after(closing, replace(STANDING, clearance=0.020))
 
 
-def wait(decision, seen, seconds):
-    return after(*[seen] * round(seconds / PERIOD), before=decision)
+def calm(decision, seen=STANDING):
+    """The decision after half a second, and a period, in which nothing is wrong."""
+    return wait(decision, seen, THRESHOLDS.quiet_time + PERIOD)
+
+
+def wait(decision, seen, seconds, thresholds=THRESHOLDS):
+    return after(*[seen] * round(seconds / PERIOD), before=decision, thresholds=thresholds)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pips_drake.serpentine.fault_config import FaultConfig
 from pips_drake.serpentine.scenario import ClockConfig
 from pips_drake.serpentine.station import MakeSerpentineStation
 from pips_drake.serpentine.station.supervision import supervision_latency, supervision_period
 from pips_drake.serpentine.supervision import Cause, Mode
 from pips_drake.serpentine.systems.tip_path_source import HOLD, RUN
 
-from .station_bench import Bench, scenario
+from .station_bench import PLANT_STEP, Bench, scenario, spine_distance
 
 
 def test_a_supervised_arm_is_held_when_an_encoder_fails_and_stopped_when_it_stays_so():
@@ -40,6 +41,30 @@ def test_a_supervised_arm_is_held_when_an_encoder_fails_and_stopped_when_it_stay
     bench.advance(0.25)
     assert bench["motion_supervisor.command"] == HOLD
     assert bench["tip_path_source.tip"][1] == 0.0
+
+
+def test_a_stop_brakes_a_drive_that_runs_away_in_its_latency():
+    # The hand leaves its place at 0.2 m/s, 20 s of stroke at the drive's own speed.
+    faults = [FaultConfig(kind="runaway", drive="L10", start_s=1.0, size=1.0)]
+    bench = Bench(scenario(faults=faults))
+    while bench["motion_supervisor.mode"] != Mode.STOP:
+        bench.advance(PLANT_STEP)
+        assert bench.context.get_time() < 1.5
+    assert bench["motion_supervisor.cause"] == Cause.RUNAWAY
+    drives = bench["actuator_servo.setpoint"]
+    assert drives[18 + 9] != 0.0
+    # The servo's next update, with two plant steps until the arm has it.
+    bench.advance(1.0 / 64.0)
+    braked = bench["actuator_servo.setpoint"]
+    np.testing.assert_array_equal(braked[18:], 0.0)
+    # What was on its way when the brake was set: less than a period of the drive's speed.
+    assert abs(braked[9] - drives[9]) <= abs(drives[18 + 9]) / 64.0
+    bench.advance(1.0)
+    np.testing.assert_array_equal(bench["actuator_servo.setpoint"], braked)
+    before = bench.joints
+    bench.advance(0.25)
+    # It stands as its drives do; a swing that dies out is left.
+    assert spine_distance(bench.setup.arm, bench.joints, before) < 1e-3
 
 
 def test_without_a_supervisor_the_operator_has_the_path_source():

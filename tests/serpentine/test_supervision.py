@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from pips_drake.serpentine.motion_words import (
     DONE,
     DWELLING,
+    EXTEND,
     EXTENDING,
     HOLD,
     RETRACT,
@@ -27,6 +28,8 @@ from pips_drake.serpentine.supervision import (
     Decision,
     Measurement,
     Mode,
+    Release,
+    brakes,
     decide,
 )
 
@@ -42,12 +45,13 @@ from .supervised_moments import (
     after,
     command,
     held_ahead,
+    wait,
 )
 
 
 def test_in_order_every_wish_passes_at_full_speed():
     for wish, phase in itertools.product(
-        (RUN, HOLD, RETRACT), (EXTENDING, DWELLING, RETRACTING, DONE)
+        (RUN, HOLD, RETRACT, EXTEND), (EXTENDING, DWELLING, RETRACTING, DONE)
     ):
         seen = replace(FREE, wish=wish, phase=phase)
         decision = after(seen)
@@ -121,7 +125,7 @@ def test_a_cause_lasts_until_its_resume_threshold(cause):
     assert (start.cause, held.barred_directions & FORWARD) == (cause, FORWARD)
     still = after(between, between, before=held, thresholds=calm)
     assert (still.mode, still.cause) == (Mode.HOLD, cause)
-    free = after(clear, before=still, thresholds=calm)
+    free = wait(still, clear, 0.5, thresholds=calm)
     assert (free.mode, free.cause, free.barred_directions) == (Mode.PERMIT, Cause.NONE, 0)
     again = after(between, before=free, thresholds=calm)
     assert again.mode == Mode.PERMIT
@@ -159,7 +163,7 @@ def test_when_the_gravest_cause_goes_the_next_is_named():
     both = replace(STANDING, **TRIGGERS[Cause.FORCE][0], **TRIGGERS[Cause.TRACKING][0])
     decision = after(both)
     assert decision.cause == Cause.TRACKING
-    decision = after(replace(both, tracking_error=0.0), before=decision)
+    decision = wait(decision, replace(both, tracking_error=0.0), 0.5)
     assert (decision.mode, decision.cause) == (Mode.HOLD, Cause.FORCE)
 
 
@@ -181,7 +185,7 @@ def test_a_way_out_is_left_to_the_operator_until_it_is_clear():
     ]
     out = after(*leaving, before=held_ahead())
     assert (out.mode, out.cause) == (Mode.HOLD, Cause.CLEARANCE)
-    free = after(replace(leaving[-1], clearance=0.0251), before=out)
+    free = wait(out, replace(leaving[-1], clearance=0.0251), 0.5)
     assert (free.mode, free.least) == (Mode.PERMIT, math.inf)
 
 
@@ -196,7 +200,7 @@ MEASUREMENTS = st.builds(
     healthy=st.booleans(),
     tip_rate=st.sampled_from([-SPEED, 0.0, SPEED]),
     phase=st.sampled_from([EXTENDING, DWELLING, RETRACTING, DONE]),
-    wish=st.sampled_from([RUN, HOLD, RETRACT]),
+    wish=st.sampled_from([RUN, HOLD, RETRACT, EXTEND]),
 )
 
 
@@ -207,15 +211,22 @@ def test_whatever_is_measured_the_command_never_goes_where_it_is_barred(sequence
     for seen in sequence:
         before, decision = decision, decide(decision, seen, THRESHOLDS, PERIOD)
         word, share = command(decision, seen)
-        assert word in (RUN, HOLD, RETRACT) and 0.0 < share <= 1.0
+        assert word in (RUN, HOLD, RETRACT, EXTEND) and 0.0 < share <= 1.0
         barred = decision.barred_directions
-        forward = word == RUN and seen.phase == EXTENDING
+        forward = word == EXTEND or (word == RUN and seen.phase == EXTENDING)
         back = word == RETRACT or (word == RUN and seen.phase == RETRACTING)
         assert not (forward and barred & FORWARD) and not (back and barred & BACK)
-        # The operator's hold is never overridden, and no motion is invented but a retraction's.
-        assert word in (seen.wish, HOLD) or decision.mode == Mode.RETRACT
+        # The operator's hold is never overridden, and no motion is invented but a retraction's, and
+        # the way out when that is released.
+        released = seen.wish == RUN and decision.release == Release.OUT
+        assert word in (seen.wish, HOLD, EXTEND if released else HOLD) or (
+            decision.mode == Mode.RETRACT
+        )
         assert seen.wish != HOLD or word == HOLD
+        assert brakes(decision) == (decision.mode == Mode.STOP)
         assert (decision.mode == Mode.PERMIT) == (decision.cause == Cause.NONE)
         # Modes are left in one direction only, but for holds.
         assert before.mode != Mode.STOP or decision.mode == Mode.STOP
-        assert before.mode != Mode.RETRACT or decision.mode in (Mode.RETRACT, Mode.STOP)
+        assert before.mode != Mode.RETRACT or (
+            decision.mode in (Mode.RETRACT, Mode.STOP) or before.release == Release.READY
+        )

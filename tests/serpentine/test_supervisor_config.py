@@ -20,6 +20,8 @@ BAD = {
     "own_resume_clearance_mm": (5.0, "> own_hold_clearance_mm"),
     "tracking_resume_mm": (0.0, "> 0"),
     "tracking_hold_mm": (25.0, "> tracking_resume_mm"),
+    "tracking_growth_mm": (-1.0, ">= 0"),
+    "quiet_s": (-0.1, ">= 0"),
     "force_fraction_hold": (0.8, "> force_fraction_resume"),
     "closing_speed_mm_per_s": (-1.0, ">= 0"),
     "give_way_mm": (-1.0, ">= 0"),
@@ -40,4 +42,5 @@ def test_thresholds_that_make_no_sense_are_refused(name):
 def test_thresholds_are_the_scenarios_in_si():
     assert THRESHOLDS.hold_clearance == pytest.approx(0.020)
     assert THRESHOLDS.stopping_time == pytest.approx(STOPPING_TIME)
-    assert THRESHOLDS.patience == 5.0
+    assert THRESHOLDS.tracking_growth == pytest.approx(0.020)
+    assert (THRESHOLDS.quiet_time, THRESHOLDS.patience) == (0.5, 5.0)

@@ -43,7 +43,7 @@ class SupervisorLog:
         time: of the decisions, (N,) s.
         commands: command and share of the speed, (N, 2).
         modes, causes: (N,).
-        measured: `MEASURED`, (N, 9).
+        measured: `MEASURED`, (N, 15).
     """
 
     time: Array
@@ -163,7 +163,7 @@ class Supervised:
                         before=mode,
                         after=after,
                         cause=why,
-                        why=self._why(why, after, numbers, float(self.log.time[row])),
+                        why=self._why(why, (mode, after), numbers, float(self.log.time[row])),
                         numbers=numbers,
                     )
                 )
@@ -222,19 +222,23 @@ class Supervised:
         place = " at home" if self.phase == DONE else ""
         return [f"{words}; it ended {ending}{place}, {clear}"]
 
-    def _why(self, cause: Cause, mode: Mode, seen: dict[str, float], time: float) -> str:
-        """The numbers behind a cause."""
+    def _why(
+        self, cause: Cause, modes: tuple[Mode, Mode], seen: dict[str, float], time: float
+    ) -> str:
+        """The numbers behind a cause of a change from one mode to another."""
         config = self.config
         if cause == Cause.NONE:
             return ""
         if cause == Cause.INVALID:
             # What is urgent may be unknown.
-            measured = [item for item in seen.items() if not item[0].startswith("urgent")]
+            measured = [item for item in seen.items() if "urgent" not in item[0]]
             bad = [name for name, value in measured if not np.isfinite(value)]
             return f"no number: {', '.join(bad) or 'the command'}"
-        if cause == Cause.TRACKING:
+        if cause in (Cause.TRACKING, Cause.RUNAWAY):
             error, joint = seen["tracking_error_m"] * 1e3, int(seen["tracking_joint"])
             limit = f"must be < {config.tracking_hold_mm:g} mm"
+            if cause == Cause.RUNAWAY:
+                limit = f"over {config.tracking_growth_mm:g} mm farther than when it was held"
             return f"spine point {joint} is {error:.1f} mm from its command, {limit}"
         if cause == Cause.FORCE:
             # Without the unit that ends a column's name.
@@ -243,13 +247,21 @@ class Supervised:
             return f"drive {drive} needs {share:.0f} % of its limit, must be < {most:g} %"
         if cause == Cause.ENCODER:
             return f"the encoder of {self.arm.joint_names[int(seen['unhealthy_encoder'])]} fails"
-        own = "self_" if cause == Cause.SELF_CLEARANCE else ""
+        return self._why_near("self_" if cause == Cause.SELF_CLEARANCE else "", modes, seen, time)
+
+    def _why_near(
+        self, own: str, modes: tuple[Mode, Mode], seen: dict[str, float], time: float
+    ) -> str:
+        """The numbers behind a clearance; `own` is what its columns' names begin with."""
+        config, (before, mode) = self.config, modes
         distance, rate = seen[f"{own}clearance_m"], seen[f"{own}clearance_rate_m_per_s"]
         hold = config.own_hold_clearance_mm if own else config.hold_clearance_mm
         near = "the arm to itself" if own else self._pair(time)
-        urgent, urgent_rate = seen["urgent_clearance_m"], seen["urgent_rate_m_per_s"]
-        if not own and mode == Mode.HOLD and urgent_rate * 1e3 < -config.closing_speed_mm_per_s:
-            pair = self.pair_name(seen["urgent_pair"])
+        urgent, urgent_rate = (
+            seen[f"{own}urgent_{name}"] for name in ("clearance_m", "rate_m_per_s")
+        )
+        if mode == Mode.HOLD and urgent_rate * 1e3 < -config.closing_speed_mm_per_s:
+            pair = self.pair_name(seen[f"{own}urgent_pair"])
             distance, rate = urgent, urgent_rate
             near = near if pair is None else f"{pair[0]} to {pair[1]}"
         more = ""
@@ -258,6 +270,8 @@ class Supervised:
             more = f", closing in by {-rate * 1e3:.1f} mm/s ({left * 1e3:.1f} mm left at rest)"
         if mode == Mode.RETRACT and not own and distance * 1e3 < config.retract_clearance_mm:
             more, hold = "", config.retract_clearance_mm
+        elif before == Mode.RETRACT:
+            return f"{near} {distance * 1e3:.1f} mm{more}, on the way back"
         elif mode in (Mode.RETRACT, Mode.STOP):
             return f"{near} {distance * 1e3:.1f} mm{more}, after {config.patience_s:g} s"
         return f"{near} {distance * 1e3:.1f} mm{more}; must be left: {hold:g} mm"

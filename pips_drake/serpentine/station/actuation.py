@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import AffineSystem, MatrixGain, ZeroOrderHold
 
 from pips_drake.serpentine.arm import SerpentineArm
@@ -43,6 +43,7 @@ class ActuationPorts:
 
     Attributes:
         setpoint: of the servos, drive coordinates and rates, (2 J,).
+        brake: of the servos, (1,), to be connected or left: 0 lets the drives go.
         joint_effort: what acts at the joints, (J,) N and Nm.
         drive_effort: what the drives make it with, (J,) N and Nm.
         free_length, stiffness_share: in the fidelity `leg`, what the plant's owner is asked for,
@@ -51,6 +52,7 @@ class ActuationPorts:
     """
 
     setpoint: OutputPort
+    brake: InputPort
     joint_effort: OutputPort
     drive_effort: OutputPort
     free_length: OutputPort | None = None
@@ -139,6 +141,7 @@ def AddActuation(
     builder.Connect(joint_effort, force_map.GetInputPort("joint_effort"))
     return ActuationPorts(
         setpoint=servo.GetOutputPort("setpoint"),
+        brake=servo.GetInputPort("brake"),
         joint_effort=joint_effort,
         drive_effort=force_map.GetOutputPort("drive_effort"),
         free_length=free_length,

@@ -76,6 +76,8 @@ def MakeSerpentineStation(
     plant_hz above (`supervision_latency`; 98 ms by default). At a tip speed v with hold ramp r the
     arm needs v latency + v^2 / (2 a), a = v / r, to come to rest: v (latency + r / 2), 8.7 mm at 25
     mm/s by default. The supervisor holds while that much more than its threshold is left.
+    At a stop it sets the brakes: from what it sees to drives that stand, 1 / control_hz until it
+    has decided, at most 2 / control_hz in the servo, and 2 plant steps.
 
     Fidelities (`actuation.fidelity`): the above is `joint`. With `leg`, `plant.net_actuation` is
     what the springs between the pins make at the joints; `base_setpoint`, `leg_setpoint`,
@@ -182,6 +184,7 @@ def MakeSerpentineStation(
             commanded_joint_state=joint_state,
             joint_state=true_state if encoders is None else encoders.GetOutputPort("reading"),
             drive_effort=actuation.drive_effort,
+            brake=actuation.brake,
         )
         operator = supervisor.GetInputPort("operator_command")
         health = supervisor.GetInputPort("encoder_health")

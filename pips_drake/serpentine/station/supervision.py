@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.scenario import ClockConfig, SerpentineScenario
@@ -44,6 +44,7 @@ def AddMotionSupervisor(
     commanded_joint_state: OutputPort,
     joint_state: OutputPort,
     drive_effort: OutputPort,
+    brake: InputPort,
 ) -> MotionSupervisor:
     """Adds a supervisor between the operator's command and the path source.
 
@@ -52,6 +53,7 @@ def AddMotionSupervisor(
         monitor: the `ClearanceMonitor`.
         commanded_joint_state, joint_state: where the drives are sent, and where the arm is.
         drive_effort: efforts of the drives.
+        brake: of the drives' servos (`ActuationPorts.brake`), which a stop sets.
     """
     period, offset = supervision_period(scenario.clocks)
     supervisor = builder.AddNamedSystem(
@@ -67,6 +69,7 @@ def AddMotionSupervisor(
     for output, name in (
         (monitor.GetOutputPort("clearance"), "clearance"),
         (monitor.GetOutputPort("urgent"), "urgent"),
+        (monitor.GetOutputPort("own_urgent"), "own_urgent"),
         (commanded_joint_state, "commanded_joint_state"),
         (joint_state, "joint_state"),
         (drive_effort, "drive_effort"),
@@ -76,4 +79,5 @@ def AddMotionSupervisor(
         builder.Connect(output, supervisor.GetInputPort(name))
     for name in ("command", "speed_share"):
         builder.Connect(supervisor.GetOutputPort(name), source.GetInputPort(name))
+    builder.Connect(supervisor.GetOutputPort("brake"), brake)
     return supervisor

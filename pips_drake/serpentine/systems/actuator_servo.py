@@ -30,6 +30,7 @@ class ActuatorServo(LeafSystem):
         input_ports:
         - drive_state
         - drive_offset
+        - brake
         output_ports:
         - setpoint
         - saturation
@@ -39,6 +40,8 @@ class ActuatorServo(LeafSystem):
     - `drive_state`, (2 J,): commanded drive coordinates (`drives.drive_columns`), m and rad, and
       their rates (not used: the set-point's own motion is what the speed limit acts on).
     - `drive_offset`, (J,): added to the command, m and rad; optional, zero when unconnected.
+    - `brake`, (1,): 0 lets the drives go; any other number sets their brakes; optional, let go when
+      unconnected.
 
     Output ports, both from state (no feedthrough):
 
@@ -56,6 +59,11 @@ class ActuatorServo(LeafSystem):
 
     A fault changes the limits, or the set-point of its drive, from the first update at its start.
     In an update that is missed all drives stand.
+
+    Brakes act from the first update that sees them: every set-point stands where it is then,
+    whatever its command or its fault. Latency: the set-point of that update, at most one period
+    after the brake is set, is the last. They need no power, and so no servo's clock. What a spring
+    or a force limit between drive and joint lets the arm do is not theirs to hold.
 
     Args:
         arm: whose drives they are.
@@ -76,6 +84,8 @@ class ActuatorServo(LeafSystem):
         self._no_offset = np.zeros(arm.joints)
         command_port = self.DeclareVectorInputPort("drive_state", 2 * arm.joints)
         offset_port = self.DeclareVectorInputPort("drive_offset", arm.joints)
+        brake_port = self.DeclareVectorInputPort("brake", 1)
+        self._brake_index = int(brake_port.get_index())
         self._command_index = int(command_port.get_index())
         self._offset_index = int(offset_port.get_index())
         self._setpoint = self.DeclareDiscreteState(2 * arm.joints)
@@ -104,6 +114,11 @@ class ActuatorServo(LeafSystem):
         # It holds the present values.
         setpoint = values.get_mutable_vector(self._setpoint).get_mutable_value()
         saturation = values.get_mutable_vector(self._saturation).get_mutable_value()
+        brake = self.EvalVectorInput(context, self._brake_index)
+        # Written so that a NaN brakes.
+        if brake is not None and brake[0] != 0.0:
+            setpoint[self._lower.size :] = saturation[:] = 0.0
+            return
         limits = self._lower, self._upper, self._speed
         if not self._faults:
             step_servos(*limits, self._period, *self._wanted(context), setpoint, saturation)

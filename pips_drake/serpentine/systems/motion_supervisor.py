@@ -11,14 +11,16 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import drive_limits
-from pips_drake.serpentine.motion_words import HOLD, RETRACT, RUN
+from pips_drake.serpentine.motion_words import HOLD, RUN, WORDS
 from pips_drake.serpentine.supervision import (
     BY_GRAVITY,
     Cause,
     Decision,
     Measurement,
     Mode,
+    Release,
     Thresholds,
+    brakes,
     command_of,
     decide,
 )
@@ -42,6 +44,9 @@ MEASURED = (
     "urgent_clearance_m",
     "urgent_rate_m_per_s",
     "urgent_pair",
+    "self_urgent_clearance_m",
+    "self_urgent_rate_m_per_s",
+    "self_urgent_pair",
 )
 
 
@@ -61,9 +66,11 @@ class MotionSupervisor(LeafSystem):
         - operator_command
         - encoder_health
         - urgent
+        - own_urgent
         output_ports:
         - command
         - speed_share
+        - brake
         - mode
         - cause
         - measured
@@ -77,38 +84,43 @@ class MotionSupervisor(LeafSystem):
     - `drive_effort`, (J,): efforts of the drives, N and Nm.
     - `tip`, (2,): `TipPathSource.tip`: arc length, m (not used), and its rate, m/s.
     - `phase`, (1,): `TipPathSource.phase`.
-    - `operator_command`, (1,): what the operator wants: 1 (run), 0 (hold) or -1 (retract);
-      optional, run when unconnected. Anything else stops the arm.
+    - `operator_command`, (1,): what the operator wants: 1 (run), 0 (hold), -1 (retract) or 2 (out
+      again after having gone back); optional, run when unconnected. Anything else stops the arm.
     - `encoder_health`, (J,): 1 for a joint whose encoder can be trusted; optional, all of them when
       unconnected.
-
     - `urgent`, (3,): `ClearanceMonitor.urgent`: distance, m, rate, m/s, and index of the pair that
       will be nearest when the arm has come to rest; optional. Without it, what is not the nearest
       yet is not seen to close in.
+    - `own_urgent`, (3,): `ClearanceMonitor.own_urgent`, the same of the arm to itself; optional.
 
     Output ports, all from state (no feedthrough):
 
     - `command`, (1,): for `TipPathSource.command`.
     - `speed_share`, (1,): for `TipPathSource.speed_share`.
+    - `brake`, (1,): for `ActuatorServo.brake`: 1 at a stop, else 0.
     - `mode`, (1,): `supervision.Mode`: 0 permit, 1 hold, 2 retract, 3 stop.
     - `cause`, (1,): `supervision.Cause`: 0 none, 1 clearance, 2 self clearance, 3 tracking, 4
-      force, 5 encoder, 6 invalid number.
-    - `measured`, (12,): what the present decision rests on (`MEASURED`, names and units): clearance
+      force, 5 encoder, 6 invalid number, 7 runaway.
+    - `measured`, (15,): what the present decision rests on (`MEASURED`, names and units): clearance
       and rate, self clearance and rate, tracking error and the joint of that spine point (from 1),
       share of its limit that a drive needs and which (from 0), first encoder that is not trusted
-      (from 0, -1 for none), and `urgent`. Zero before the first decision.
+      (from 0, -1 for none), `urgent` and `own_urgent`. Zero before the first decision.
 
     State: discrete, updated every `period` s (default 1/32 s), the first time at `offset` s
     (default 1/64 s, so that it sees what a monitor has found a control period before): command,
-    share, mode, cause, directions barred by each cause, least clearances, time waited; and
-    `measured`. At initialization the operator's command passes. Latency: what is measured acts on
-    the outputs at the next update.
+    share, brake, mode, cause, directions barred by each cause and for how long it has been clear,
+    least clearances, tracking error now and when it became a cause, time waited, how far a
+    retraction is released; and `measured`. At initialization the operator's command passes.
+    Latency: what is measured acts on the outputs at the next update.
 
     Decisions are those of `supervision.decide`. In short: the tip is held when the clearance that
     would be left at rest, d + min(rate, 0) T, falls below the hold threshold. T is latency + ramp /
     2, so that v T is the stopping distance v latency + v^2 / (2 a) with the ramp's a = v / ramp.
-    Motion the other way passes at full speed. What lasts longer than the patience is answered by
-    retraction, or by a stop where the way back is barred too. A stop is not left again.
+    Motion the other way passes at full speed. A hold ends when its causes have been past their
+    resume thresholds for a while. What lasts longer than the patience is answered by retraction, or
+    by a stop where the way back is barred too; an arm that leaves its place although it is held is
+    stopped at once. A retraction is left when the operator holds at rest, and then runs. A stop is
+    not left again.
 
     Args:
         arm: whose joints and drives they are.
@@ -142,6 +154,7 @@ class MotionSupervisor(LeafSystem):
         self._operator = self._declare_input("operator_command", 1)
         self._health = self._declare_input("encoder_health", joints)
         self._urgent = self._declare_input("urgent", 3)
+        self._own_urgent = self._declare_input("own_urgent", 3)
         self._decided = self.DeclareDiscreteState(_pack(Decision(), RUN, 1.0))
         self._measured = self.DeclareDiscreteState([0.0] * len(MEASURED))
         # Distances at the update before, for rates; none yet.
@@ -149,7 +162,7 @@ class MotionSupervisor(LeafSystem):
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._update)
         decided_only = {self.discrete_state_ticket(self._decided)}
-        for index, name in enumerate(("command", "speed_share", "mode", "cause")):
+        for index, name in enumerate(("command", "speed_share", "brake", "mode", "cause")):
             self.DeclareVectorOutputPort(
                 name, 1, self._make_calc(index), prerequisites_of_calc=decided_only
             )
@@ -178,7 +191,7 @@ class MotionSupervisor(LeafSystem):
     def _initialize(self, context: Context, values: DiscreteValues) -> None:
         wish = self._wish(context)
         # What is no word is for the first decision to answer.
-        command = wish if wish in (RUN, HOLD, RETRACT) else HOLD
+        command = wish if wish in WORDS else HOLD
         values.get_mutable_vector(self._decided).SetFromVector(_pack(Decision(), command, 1.0))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
@@ -209,8 +222,7 @@ class MotionSupervisor(LeafSystem):
         health = self.EvalVectorInput(context, self._health)
         # Written so that a NaN is not trusted.
         bad = [] if health is None else np.flatnonzero(~(health.value() >= 1.0)).tolist()
-        urgent_port = self.EvalVectorInput(context, self._urgent)
-        urgent = [math.nan] * 3 if urgent_port is None else urgent_port.value().tolist()
+        urgent, own_urgent = self._urgent_at(context, self._urgent, self._own_urgent)
         seen = Measurement(
             clearance=distance,
             clearance_rate=rate,
@@ -224,10 +236,17 @@ class MotionSupervisor(LeafSystem):
             wish=self._wish(context),
             urgent_clearance=urgent[0],
             urgent_rate=urgent[1],
+            own_urgent_clearance=own_urgent[0],
+            own_urgent_rate=own_urgent[1],
         )
         encoder = -1.0 if len(bad) == 0 else float(bad[0])
-        rows = [distance, rate, own, own_rate, error, point, share, drive, encoder, *urgent]
-        return seen, rows
+        rows = [distance, rate, own, own_rate, error, point, share, drive, encoder]
+        return seen, rows + urgent + own_urgent
+
+    def _urgent_at(self, context: Context, *ports: int) -> list[list[float]]:
+        """Distance, rate and pair of optional ports, NaN where nothing is connected."""
+        found = [self.EvalVectorInput(context, port) for port in ports]
+        return [[math.nan] * 3 if one is None else one.value().tolist() for one in found]
 
     def _rate(self, last: float, now: float) -> float:
         """From two samples, m/s; zero at the first."""
@@ -236,21 +255,38 @@ class MotionSupervisor(LeafSystem):
 
 def _pack(decision: Decision, command: float, share: float) -> list[float]:
     """A decision and what it commands as discrete state."""
-    barred = [float(decision.barred[cause]) for cause in BY_GRAVITY]
-    numbers = [decision.least, decision.own_least, decision.waited]
-    return [command, share, float(decision.mode), float(decision.cause), *barred, *numbers]
+    return [
+        command,
+        share,
+        float(brakes(decision)),
+        float(decision.mode),
+        float(decision.cause),
+        *(float(decision.barred[cause]) for cause in BY_GRAVITY),
+        *(decision.clear_for[cause] for cause in BY_GRAVITY),
+        decision.least,
+        decision.own_least,
+        decision.error,
+        decision.lost_at,
+        decision.waited,
+        float(decision.release),
+    ]
 
 
 def _unpack(state: list[float]) -> Decision:
     """The decision in a discrete state."""
-    _, _, mode, cause, *rest = state
+    _, _, _, mode, cause, *rest = state
     count = len(BY_GRAVITY)
-    least, own_least, waited = rest[count:]
+    barred, clear_for, rest = rest[:count], rest[count : 2 * count], rest[2 * count :]
+    least, own_least, error, lost_at, waited, release = rest
     return Decision(
         mode=Mode(int(mode)),
         cause=Cause(int(cause)),
-        barred=dict(zip(BY_GRAVITY, map(int, rest[:count]), strict=True)),
+        barred=dict(zip(BY_GRAVITY, map(int, barred), strict=True)),
+        clear_for=dict(zip(BY_GRAVITY, clear_for, strict=True)),
         least=least,
         own_least=own_least,
+        error=error,
+        lost_at=lost_at,
         waited=waited,
+        release=Release(int(release)),
     )

@@ -12,17 +12,20 @@ from pips_drake.serpentine.motion_profile import MotionProfile
 from pips_drake.serpentine.motion_words import (
     DONE,
     DWELLING,
+    EXTEND,
     EXTENDING,
     HOLD,
     RETRACT,
     RETRACTING,
     RUN,
+    WORDS,
 )
 from pips_drake.serpentine.tip_path import TipPath
 
 __all__ = [
     "DONE",
     "DWELLING",
+    "EXTEND",
     "EXTENDING",
     "HOLD",
     "RETRACT",
@@ -48,8 +51,10 @@ class TipPathSource(LeafSystem):
 
     Input ports:
 
-    - `command`, (1,): `RUN` (1), `HOLD` (0) or `RETRACT` (-1); optional, `RUN` when unconnected.
-      Another number raises `InputError`. After `RETRACT` the way is back: `RUN` goes on with it.
+    - `command`, (1,): `RUN` (1), `HOLD` (0), `RETRACT` (-1) or `EXTEND` (2); optional, `RUN` when
+      unconnected. Another number raises `InputError`. After `RETRACT` the way is back: `RUN` goes
+      on with it. `EXTEND` turns it: the way is out again, to the end of the path, where the tip
+      stands until it hears another word, and dwells anew after `RUN`.
     - `speed_share`, (1,): at which share of the profile's speed, above 0 and at most 1; optional, 1
       when unconnected.
 
@@ -120,9 +125,10 @@ class TipPathSource(LeafSystem):
         if not self._command_port.HasValue(context):
             return RUN
         command = float(self._command_port.Eval(context)[0])
-        if command not in (RUN, HOLD, RETRACT):
+        if command not in WORDS:
             raise InputError(
-                f"TipPathSource.command = {command}; must be 1 (run), 0 (hold) or -1 (retract)"
+                f"TipPathSource.command = {command}; must be 1 (run), 0 (hold), -1 (retract) or 2 "
+                "(extend)"
             )
         return command
 
@@ -143,6 +149,8 @@ class TipPathSource(LeafSystem):
                 phase = RETRACTING if self._retract else DONE
         if command == RETRACT and (phase < RETRACTING or time > 0.0):
             phase = RETRACTING
+        if command == EXTEND and (phase == RETRACTING or (phase == DONE and time < end)):
+            phase, dwell = EXTENDING, self._dwell
         wanted = 0.0 if command == HOLD else {EXTENDING: 1.0, RETRACTING: -1.0}.get(phase, 0.0)
         wanted *= self._share(context)
         if time <= 0.0 or time >= end:

@@ -37,6 +37,7 @@ class ClearanceMonitor(LeafSystem):
         - clearance
         - witness
         - urgent
+        - own_urgent
 
     Input ports:
 
@@ -55,6 +56,7 @@ class ClearanceMonitor(LeafSystem):
       pair that comes nearest within `lookahead` if rates stay: least d + min(rate, 0) lookahead. It
       need not be the nearest one now. NaN without the optional inputs, without a lookahead, or when
       nothing is near.
+    - `own_urgent`, (3,): the same of the robot to itself.
 
     State: the outputs, discrete, updated every `period` s (default 1/32 s) and at initialization.
 
@@ -65,8 +67,8 @@ class ClearanceMonitor(LeafSystem):
         plant: finalized, registered with a scene graph.
         robot: the robot's model instances; everything else is the scene.
         max_distance: pairs farther apart than this are not looked at, m.
-        lookahead: s; 0 leaves `urgent` out.
-        lookahead_reach: pairs farther apart than this are not looked at for `urgent`, m.
+        lookahead: s; 0 leaves `urgent` and `own_urgent` out.
+        lookahead_reach: pairs farther apart than this are not looked at for them, m.
         period: s.
     """
 
@@ -100,9 +102,11 @@ class ClearanceMonitor(LeafSystem):
         self._clearance = self.DeclareDiscreteState([max_distance, np.nan, max_distance])
         self._witness = self.DeclareDiscreteState([-1.0] + [np.nan] * 6)
         self._urgent = self.DeclareDiscreteState([np.nan] * 3)
+        self._own_urgent = self.DeclareDiscreteState([np.nan] * 3)
         self.DeclareStateOutputPort("clearance", self._clearance)
         self.DeclareStateOutputPort("witness", self._witness)
         self.DeclareStateOutputPort("urgent", self._urgent)
+        self.DeclareStateOutputPort("own_urgent", self._own_urgent)
         self.DeclareInitializationDiscreteUpdateEvent(self._update_clearance)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update_clearance)
 
@@ -126,9 +130,13 @@ class ClearanceMonitor(LeafSystem):
         witness[0] = index
         witness[1:] = scene.points.ravel()
         urgent = values.get_mutable_vector(self._urgent).get_mutable_value()
-        urgent[:] = np.nan
-        if self._lookahead > 0.0 and scene.distance < self._reach and np.isfinite(rate):
-            urgent[:] = self._most_urgent(context, self._query.scene_pairs(query, self._reach))
+        own_urgent = values.get_mutable_vector(self._own_urgent).get_mutable_value()
+        urgent[:] = own_urgent[:] = np.nan
+        # The pairs themselves are asked for only when there are any.
+        if self._lookahead > 0.0 and min(scene.distance, own.distance) < self._reach:
+            near, own_near = self._query.near_pairs(query, self._reach)
+            urgent[:] = self._most_urgent(context, near)
+            own_urgent[:] = self._most_urgent(context, own_near)
 
     def _pair_index(self, nearest: LeastDistance) -> float:
         if nearest.bodies is None:

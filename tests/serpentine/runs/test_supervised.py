@@ -22,7 +22,23 @@ from pips_drake.serpentine.supervisor_config import SupervisorConfig
 from pips_drake.serpentine.systems.motion_supervisor import MEASURED
 
 #: Nothing wrong; in `MEASURED`'s order.
-NUMBERS = [0.1, 0.0, 0.17, 0.0, 1e-3, 4.0, 0.3, 2.0, -1.0, np.nan, np.nan, -1.0]
+NUMBERS = [
+    0.1,
+    0.0,
+    0.17,
+    0.0,
+    1e-3,
+    4.0,
+    0.3,
+    2.0,
+    -1.0,
+    np.nan,
+    np.nan,
+    -1.0,
+    np.nan,
+    np.nan,
+    -1.0,
+]
 GOOD = dict(zip(MEASURED, NUMBERS, strict=True))
 PAIR = ("arm::hand", "payload::side")
 
@@ -110,6 +126,27 @@ def test_a_pair_that_closes_in_behind_the_nearest_is_named(supervised):
     assert decision.why.startswith("arm::elbow to wall::wall 45.0 mm, closing in by 100.0 mm/s")
 
 
+def test_a_part_of_the_arm_that_closes_in_is_named(supervised):
+    seen = {
+        "self_clearance_m": 0.020,
+        "self_urgent_clearance_m": 0.033,
+        "self_urgent_rate_m_per_s": -0.1,
+        "self_urgent_pair": 4.0,
+    }
+    (decision,) = supervised((Mode.HOLD, Cause.SELF_CLEARANCE, seen)).decisions
+    assert decision.why == (
+        "arm::elbow to wall::wall 33.0 mm, closing in by 100.0 mm/s (-2.0 mm left at rest); "
+        "must be left: 5 mm"
+    )
+
+
+def test_what_a_retraction_meets_is_said(supervised):
+    (_, stop) = supervised(
+        BACK, (Mode.STOP, Cause.SELF_CLEARANCE, {"self_clearance_m": 0.002})
+    ).decisions
+    assert stop.why == "the arm to itself 2.0 mm, on the way back"
+
+
 def test_a_change_of_the_cause_alone_is_a_decision(supervised):
     lag = (Mode.HOLD, Cause.TRACKING, {"tracking_error_m": 0.05, "tracking_joint": 8.0})
     found = supervised(HELD, lag, FREE).decisions
@@ -124,6 +161,10 @@ WHY = {
     Cause.TRACKING: (
         {"tracking_error_m": 0.0512, "tracking_joint": 8.0},
         "spine point 8 is 51.2 mm from its command, must be < 40 mm",
+    ),
+    Cause.RUNAWAY: (
+        {"tracking_error_m": 0.0647, "tracking_joint": 18.0},
+        "spine point 18 is 64.7 mm from its command, over 20 mm farther than when it was held",
     ),
     Cause.FORCE: (
         {"force_fraction": 0.99, "force_drive": 2.0},

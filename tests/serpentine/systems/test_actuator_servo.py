@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
+from pips_drake.serpentine.fault_config import FaultConfig
+from pips_drake.serpentine.faults import make_drive_faults
 from pips_drake.serpentine.systems.actuator_servo import ActuatorServo
 
 PERIOD = 1.0 / 64.0
@@ -56,7 +58,7 @@ class Bench:
 
 def test_ports(arm, port_sizes):
     inputs, outputs = port_sizes(ActuatorServo(arm))
-    assert inputs == {"drive_state": 36, "drive_offset": 18}
+    assert inputs == {"drive_state": 36, "drive_offset": 18, "brake": 1}
     assert outputs == {"setpoint": 36, "saturation": 2}
 
 
@@ -157,6 +159,54 @@ def test_an_unconnected_offset_means_none(arm):
     apart.command(wanted)
     zero.command(wanted, np.zeros(18))
     np.testing.assert_array_equal(apart.advance(3)[0], zero.advance(3)[0])
+
+
+class TestBrake:
+    """Whatever a drive is told, and whatever ails it, a brake stops it where it stands."""
+
+    FAULTS = (
+        FaultConfig(kind="runaway", drive="L10", size=1.0),
+        FaultConfig(kind="runaway", drive="d1", size=-0.5),
+        FaultConfig(kind="slow", drive="L5", size=0.2),
+        FaultConfig(kind="jam", drive="L6"),
+        FaultConfig(kind="late", size=3.0),
+    )
+
+    def bench(self, arm, faults):
+        bench = Bench(arm, home_lengths(), faults=make_drive_faults(arm, faults))
+        bench.command(home_lengths() + 0.02)
+        bench.advance(6)
+        return bench
+
+    def brake(self, bench, value):
+        bench.servo.GetInputPort("brake").FixValue(bench.context, [value])
+
+    @pytest.mark.parametrize("faults", [(), *((fault,) for fault in FAULTS), FAULTS])
+    def test_every_set_point_stands_from_the_next_update_on(self, arm, faults):
+        bench = self.bench(arm, faults)
+        before, rates = bench.setpoint()
+        assert np.any(rates != 0.0) or (faults and faults[0].kind == "late")
+        self.brake(bench, 1.0)
+        for periods in (1, 1, 64):
+            drives, rates = bench.advance(periods)
+            np.testing.assert_array_equal(drives, before)
+            np.testing.assert_array_equal(rates, 0.0)
+        assert bench.saturation() == (0.0, 0.0)
+
+    def test_let_go_the_drives_go_on_from_where_they_stand(self, arm):
+        bench = self.bench(arm, ())
+        before, _ = bench.setpoint()
+        self.brake(bench, 1.0)
+        bench.advance(10)
+        self.brake(bench, 0.0)
+        drives, rates = bench.advance(1)
+        np.testing.assert_allclose(rates, speed_limits(), rtol=0, atol=1e-13)
+        np.testing.assert_allclose(drives - before, speed_limits() * PERIOD, rtol=0, atol=1e-14)
+
+    def test_a_brake_that_is_no_number_is_set(self, arm):
+        bench = self.bench(arm, ())
+        self.brake(bench, np.nan)
+        np.testing.assert_array_equal(bench.advance(1)[1], 0.0)
 
 
 def test_a_missing_command_is_named(arm):

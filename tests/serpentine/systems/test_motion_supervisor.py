@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.drives import drive_limits
-from pips_drake.serpentine.motion_words import EXTENDING, HOLD, RETRACT, RETRACTING, RUN
+from pips_drake.serpentine.motion_words import EXTEND, EXTENDING, HOLD, RETRACT, RETRACTING, RUN
 from pips_drake.serpentine.supervision import Cause, Mode
 from pips_drake.serpentine.supervisor_config import SupervisorConfig
 from pips_drake.serpentine.systems.motion_supervisor import MEASURED, MotionSupervisor
@@ -71,8 +71,16 @@ def test_ports(arm, port_sizes):
         "operator_command": 1,
         "encoder_health": 18,
         "urgent": 3,
+        "own_urgent": 3,
     }
-    assert outputs == {"command": 1, "speed_share": 1, "mode": 1, "cause": 1, "measured": 12}
+    assert outputs == {
+        "command": 1,
+        "speed_share": 1,
+        "brake": 1,
+        "mode": 1,
+        "cause": 1,
+        "measured": 15,
+    }
 
 
 def test_no_output_has_feedthrough(arm):
@@ -82,7 +90,7 @@ def test_no_output_has_feedthrough(arm):
 def test_before_the_first_decision_motion_is_permitted(bench):
     assert bench["command"] == RUN and bench["speed_share"] == 1.0
     assert (bench["mode"], bench["cause"]) == (Mode.PERMIT, Cause.NONE)
-    np.testing.assert_array_equal(bench["measured"], np.zeros(12))
+    np.testing.assert_array_equal(bench["measured"], np.zeros(15))
 
 
 def test_without_an_operator_and_encoder_health_the_tip_runs(bench):
@@ -100,7 +108,7 @@ def test_the_operators_command_passes_one_update_later(bench, wish):
 
 
 def test_an_arm_that_is_to_be_held_from_the_beginning_does_not_start(bench):
-    for wish, command in ((HOLD, HOLD), (RETRACT, RETRACT), (np.nan, HOLD)):
+    for wish, command in ((HOLD, HOLD), (RETRACT, RETRACT), (EXTEND, EXTEND), (np.nan, HOLD)):
         bench.system.GetInputPort("operator_command").FixValue(bench.context, [wish])
         bench.simulator.Initialize()
         assert bench["command"] == command and bench["mode"] == Mode.PERMIT
@@ -122,7 +130,9 @@ def test_it_holds_before_what_comes_nearer_and_lets_go_when_it_has_gone(bench):
     out = bench.update(clearance=[limit - 1e-6, -SPEED, 0.17])
     assert out == {"command": HOLD, "speed_share": 1.0, "mode": Mode.HOLD, "cause": Cause.CLEARANCE}
     assert bench.update(clearance=[0.0249, 0.0, 0.17], tip=[5.0, 0.0])["mode"] == Mode.HOLD
-    assert bench.update(clearance=[0.0251, 0.0, 0.17])["mode"] == Mode.PERMIT
+    # After half a second, 16 updates, of quiet.
+    assert bench.update(15, clearance=[0.0251, 0.0, 0.17])["mode"] == Mode.HOLD
+    assert bench.update()["mode"] == Mode.PERMIT
     assert bench["command"] == RUN
 
 
@@ -152,7 +162,18 @@ def test_what_closes_in_behind_the_nearest_is_held_too(bench):
     assert bench.update(**rest, urgent=[np.nan, np.nan, np.nan])["mode"] == Mode.PERMIT
     out = bench.update(**rest, urgent=[0.045, -0.08, 3.0])
     assert (out["mode"], out["cause"]) == (Mode.HOLD, Cause.CLEARANCE)
-    np.testing.assert_array_equal(bench["measured"][-3:], [0.045, -0.08, 3.0])
+    assert bench.measured["urgent_pair"] == 3.0
+    np.testing.assert_array_equal(bench["measured"][9:12], [0.045, -0.08, 3.0])
+
+
+def test_a_part_of_the_arm_that_closes_in_behind_the_nearest_is_held_too(bench):
+    # 33 mm at 80 mm/s: 28 mm are lost until rest and 5 are left, while 20 mm elsewhere stand.
+    rest = {"clearance": [0.5, 0.0, 0.020]}
+    assert bench.update(**rest, own_urgent=[0.0331, -0.08, 3.0])["mode"] == Mode.PERMIT
+    assert bench.update(**rest, own_urgent=[np.nan, np.nan, np.nan])["mode"] == Mode.PERMIT
+    out = bench.update(**rest, own_urgent=[0.0329, -0.08, 3.0])
+    assert (out["mode"], out["cause"]) == (Mode.HOLD, Cause.SELF_CLEARANCE)
+    np.testing.assert_array_equal(bench["measured"][12:], [0.0329, -0.08, 3.0])
 
 
 def test_operators_may_back_out_of_a_hold_and_not_go_on(bench):
@@ -189,9 +210,37 @@ def test_an_arm_that_lags_is_held_and_stopped(bench):
     assert bench.measured["tracking_error_m"] == pytest.approx(distances.max(), abs=1e-13)
     joint = bench.arm.spine_indices[int(np.argmax(distances))]
     assert bench.measured["tracking_joint"] == joint
+    assert bench["brake"] == 0.0
     assert bench.update(160)["mode"] == Mode.STOP
+    assert bench["brake"] == 1.0
     # Not left again.
     assert bench.update(joint_state=np.zeros(36))["command"] == HOLD
+    assert bench["brake"] == 1.0
+
+
+def test_an_arm_that_leaves_its_place_although_it_is_held_is_stopped_at_once(bench):
+    q = np.zeros(36)
+    # A hinge near the base, so that the tip is 45 mm out of its place, then 20 mm more.
+    q[4] = 0.0135
+    assert bench.update(joint_state=q)["mode"] == Mode.HOLD
+    first = bench.measured["tracking_error_m"]
+    assert bench.update(32, joint_state=q)["mode"] == Mode.HOLD
+    q[4] *= (first + 0.0205) / first
+    out = bench.update(joint_state=q)
+    assert (out["mode"], out["cause"]) == (Mode.STOP, Cause.RUNAWAY)
+    assert bench["brake"] == 1.0
+
+
+def test_an_operator_releases_a_retracted_arm_by_holding_and_then_running(bench):
+    away = {"clearance": [0.5, 0.0, 0.17], "tip": [4.9, 0.0], "phase": [RETRACTING]}
+    assert bench.update(clearance=[0.001, 0.0, 0.17])["mode"] == Mode.RETRACT
+    # Without a hold before it, running is going back.
+    assert bench.update(32, **away, operator_command=[RUN])["command"] == RETRACT
+    assert bench.update(operator_command=[HOLD])["mode"] == Mode.RETRACT
+    out = bench.update(operator_command=[RUN])
+    assert (out["mode"], out["command"], out["speed_share"]) == (Mode.PERMIT, EXTEND, 1.0)
+    # Once the tip has turned it is running as before.
+    assert bench.update(phase=[EXTENDING], tip=[4.9, 1e-3])["command"] == RUN
 
 
 def test_a_drive_at_its_limit_is_named(bench):
@@ -212,7 +261,7 @@ def test_an_encoder_that_fails_holds_and_is_named(bench, health):
     out = bench.update(encoder_health=bad)
     assert (out["mode"], out["cause"]) == (Mode.HOLD, Cause.ENCODER)
     assert bench.measured["unhealthy_encoder"] == 3
-    assert bench.update(encoder_health=good)["mode"] == Mode.PERMIT
+    assert bench.update(16, encoder_health=good)["mode"] == Mode.PERMIT
 
 
 @pytest.mark.parametrize(

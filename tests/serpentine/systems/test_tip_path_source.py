@@ -12,6 +12,7 @@ from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.systems.tip_path_source import (
     DONE,
     DWELLING,
+    EXTEND,
     EXTENDING,
     HOLD,
     RETRACT,
@@ -196,6 +197,44 @@ def test_run_after_retract_goes_on_with_the_way_back(path, profile):
     np.testing.assert_array_equal(rows[-1, 1:], [path.home_arc_length, 0.0, DONE])
 
 
+@pytest.mark.parametrize("turned", [2.25, 3.5, 8.0], ids=["at once", "on the way", "at home"])
+def test_extend_after_retract_is_the_way_out_again_without_a_jump(path, profile, turned):
+    commands = [(2.0, RETRACT), (turned, EXTEND), (turned + 0.25, RUN)]
+    end = turned + profile.duration + 1.0
+    rows = run(TipPathSource(path, profile, dwell=60.0), end, commands)
+    assert_continuous(rows)
+    arrived = [path.home_arc_length + path.travel, 0.0, DWELLING]
+    np.testing.assert_allclose(rows[-1, 1:], arrived, rtol=0, atol=ROUNDING)
+    # It was on its way back, or home, when it was told.
+    told = rows[rows[:, 0] <= turned][-1, 3]
+    assert told == (DONE if turned > 6.0 else RETRACTING)
+    assert set(rows[rows[:, 0] > turned + PERIOD, 3]) == {EXTENDING, DWELLING}
+
+
+def test_who_turns_after_the_dwell_dwells_anew(path, profile):
+    back = np.ceil(profile.duration) + 2.0
+    rows = run(
+        TipPathSource(path, profile, dwell=0.5), back + 6.0, [(back, EXTEND), (back + 0.1, RUN)]
+    )
+    again = rows[(rows[:, 0] > back) & (rows[:, 3] == DWELLING)]
+    assert len(again) == 0.5 / PERIOD
+
+
+def test_extend_leads_to_the_end_and_never_back(path, profile):
+    # At the end it stands for longer than its dwell; with the dwell over it has no way on.
+    arrival = np.ceil(profile.duration)
+    rows = run(TipPathSource(path, profile, dwell=0.5), arrival + 4.0, [(1.0, EXTEND)])
+    assert rows[-1, 3] == DWELLING
+    source = TipPathSource(path, profile, retract=False)
+    rows = run(source, arrival + 4.0, [(arrival + 1.0, EXTEND)])
+    np.testing.assert_array_equal(rows[-1, 2:], [0.0, DONE])
+    # On the first of its way back it turns to where it came from.
+    back = [(arrival, RETRACT), (arrival + PERIOD, EXTEND)]
+    rows = run(TipPathSource(path, profile, dwell=60.0), arrival + 4.0, back)
+    assert_continuous(rows)
+    assert rows[-1, 3] == DWELLING
+
+
 def test_retract_at_the_far_end_comes_back_though_nobody_planned_it(path, profile):
     source = TipPathSource(path, profile, retract=False)
     rows = run(source, 2.0 * profile.duration + 2.0, [(profile.duration + 0.5, RETRACT)])
@@ -258,12 +297,13 @@ def test_an_unconnected_command_means_run(path, profile):
     np.testing.assert_array_equal(run(TipPathSource(path, profile), 2.0), told)
 
 
-@pytest.mark.parametrize("command", [np.nan, 0.4, 2.0])
+@pytest.mark.parametrize("command", [np.nan, 0.4, 2.5])
 def test_a_command_that_is_no_word_is_refused(path, profile, command):
     source = TipPathSource(path, profile)
     simulator = Simulator(source)
     source.GetInputPort("command").FixValue(simulator.get_mutable_context(), [command])
-    message = rf"TipPathSource.command = {command}; must be 1 \(run\), 0 \(hold\) or -1 \(retract\)"
+    words = r"1 \(run\), 0 \(hold\), -1 \(retract\) or 2 \(extend\)"
+    message = rf"TipPathSource.command = {command}; must be {words}"
     with pytest.raises(InputError, match=message):
         simulator.AdvanceTo(0.1)
 

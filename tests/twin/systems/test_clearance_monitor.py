@@ -25,7 +25,7 @@ PERIOD = 1.0 / 32.0
 class World:
     """A robot of two spheres, `hand` and `elbow`, beside a box `wall` that may move as well."""
 
-    def __init__(self, *, connect_bodies=True, **options):
+    def __init__(self, *, connect_bodies=True, own_wall=False, **options):
         builder = DiagramBuilder()
         self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
         self.plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
@@ -43,7 +43,12 @@ class World:
             )
         self.plant.Finalize()
         self.monitor = builder.AddSystem(
-            ClearanceMonitor(self.plant, robot=[self.robot], max_distance=RANGE, **options)
+            ClearanceMonitor(
+                self.plant,
+                robot=[self.robot, self.scene] if own_wall else [self.robot],
+                max_distance=RANGE,
+                **options,
+            )
         )
         connect = [("query_object", self.scene_graph.get_query_output_port())]
         if connect_bodies:
@@ -105,6 +110,7 @@ def test_ports(world):
         "clearance": 3,
         "witness": 7,
         "urgent": 3,
+        "own_urgent": 3,
     }
 
 
@@ -184,13 +190,13 @@ def test_the_rate_is_the_derivative_of_the_distance(world):
     assert min(found) < -0.3 and max(found) > 0.3  # toward and away
 
 
-def urgent_of(world, **bodies):
-    """`urgent` of a state, at initialization, and the pair's names."""
+def urgent_of(world, *, output="urgent", **bodies):
+    """An urgent pair of a state, at initialization, and the pair's names."""
     simulator = Simulator(world.diagram)
     world.place(simulator.get_mutable_context(), **bodies)
     simulator.Initialize()
     mine = world.monitor.GetMyContextFromRoot(simulator.get_context())
-    urgent = world.monitor.GetOutputPort("urgent").Eval(mine).copy()
+    urgent = world.monitor.GetOutputPort(output).Eval(mine).copy()
     pair = None if np.isnan(urgent[2]) else world.monitor.pair_name(urgent[2])
     return urgent, pair
 
@@ -214,6 +220,32 @@ def test_without_a_lookahead_or_anything_near_nothing_is_urgent():
     assert np.all(np.isnan(urgent_of(World(), **near)[0]))
     world = World(lookahead=0.2, lookahead_reach=0.05)
     assert np.all(np.isnan(urgent_of(world, **near)[0]))
+
+
+def test_the_arms_own_pair_that_will_be_nearest_is_urgent():
+    # Hand and elbow 0.1 m apart at their surfaces, closing in; the wall is far from both.
+    hand = at([5.0, 0.0, 0.0], v=[0.0, 0.3, 0.0])
+    elbow = at([5.0, 0.3, 0.0], v=[0.0, -0.1, 0.0])
+    bodies = {"hand": hand, "elbow": elbow, "wall": STILL}
+    world = World(lookahead=0.2, lookahead_reach=0.15)
+    urgent, pair = urgent_of(world, output="own_urgent", **bodies)
+    np.testing.assert_allclose(urgent[:2], [0.1, -0.4], rtol=0, atol=1e-9)
+    assert set(pair) == {"robot::hand", "robot::elbow"}
+    assert np.all(np.isnan(urgent_of(world, **bodies)[0]))
+    short = World(lookahead=0.2, lookahead_reach=0.05)
+    assert np.all(np.isnan(urgent_of(short, output="own_urgent", **bodies)[0]))
+
+
+def test_of_the_arms_own_pairs_the_one_that_closes_in_is_urgent_not_the_nearest():
+    # Three spheres in a row: wall of the scene is a part of this robot. The hand stands 60 mm off
+    # its face, and the elbow comes from 120 mm on the other side: 40 mm in 0.2 s.
+    hand, elbow = at([0.36, 0.0, 0.0]), at([-0.42, 0.0, 0.0], v=[0.4, 0.0, 0.0])
+    world = World(own_wall=True, lookahead=0.2, lookahead_reach=0.15)
+    urgent, pair = urgent_of(world, output="own_urgent", hand=hand, elbow=elbow, wall=STILL)
+    np.testing.assert_allclose(urgent[:2], [0.12, -0.4], rtol=0, atol=1e-9)
+    assert set(pair) == {"robot::elbow", "scene::wall"}
+    clearance, _ = world.measure(hand=hand, elbow=elbow, wall=STILL)
+    assert clearance[2] == pytest.approx(0.06, abs=1e-14)
 
 
 def test_in_penetration_the_rate_is_still_that_of_the_signed_distance(world):
