@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
+from pips_drake.scene.triangles import nearest_on_triangle
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -313,39 +314,9 @@ def _height(p, i, planes, first, last):
 
 @numba.njit(cache=True)
 def _triangle_distance(p, i, triangles, j):
-    """Distance of row i of p from triangle j (Ericson, Real-Time Collision Detection, 5.1.5)."""
-    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
-    for axis in range(3):
-        a, b, c = triangles[j, 0, axis], triangles[j, 1, axis], triangles[j, 2, axis]
-        x = p[i, axis]
-        d1 += (b - a) * (x - a)
-        d2 += (c - a) * (x - a)
-        d3 += (b - a) * (x - b)
-        d4 += (c - a) * (x - b)
-        d5 += (b - a) * (x - c)
-        d6 += (c - a) * (x - c)
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    # The nearest point is a + v (b - a) + w (c - a).
-    if d1 <= 0.0 and d2 <= 0.0:
-        v, w = 0.0, 0.0
-    elif d3 >= 0.0 and d4 <= d3:
-        v, w = 1.0, 0.0
-    elif d6 >= 0.0 and d5 <= d6:
-        v, w = 0.0, 1.0
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        v, w = d1 / (d1 - d3), 0.0
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        v, w = 0.0, d2 / (d2 - d6)
-    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        v = 1.0 - w
-    else:
-        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
-    square = 0.0
-    for axis in range(3):
-        a, b, c = triangles[j, 0, axis], triangles[j, 1, axis], triangles[j, 2, axis]
-        square += (p[i, axis] - a - v * (b - a) - w * (c - a)) ** 2
-    return math.sqrt(square)
+    """Distance of row i of p from triangle j."""
+    x, y, z = nearest_on_triangle(p[i, 0], p[i, 1], p[i, 2], triangles[j])
+    return math.sqrt((p[i, 0] - x) ** 2 + (p[i, 1] - y) ** 2 + (p[i, 2] - z) ** 2)
 
 
 @numba.njit(cache=True)

@@ -14,6 +14,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pips_drake.scene.triangles import nearest_on_triangle
+
 SPHERE, HALF_SPACE, BOX, CYLINDER, CAPSULE, ELLIPSOID, CONVEX = range(7)
 
 # Newton's steps from below are monotonic and each at least halves the distance in the logarithm;
@@ -136,36 +138,6 @@ def _ellipsoid_distance(x, y, z, a, b, c):
 
 
 @numba.njit(cache=True)
-def _nearest_on_triangle(px, py, pz, t):
-    """The point of triangle t (3, 3) nearest to p (Ericson, Real-Time Collision Detection)."""
-    ax, ay, az = t[0, 0], t[0, 1], t[0, 2]
-    ux, uy, uz = t[1, 0] - ax, t[1, 1] - ay, t[1, 2] - az
-    vx, vy, vz = t[2, 0] - ax, t[2, 1] - ay, t[2, 2] - az
-    qx, qy, qz = px - ax, py - ay, pz - az
-    d1, d2 = ux * qx + uy * qy + uz * qz, vx * qx + vy * qy + vz * qz
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    uv = ux * vx + uy * vy + uz * vz
-    d3, d4, d5, d6 = d1 - uu, d2 - uv, d1 - uv, d2 - vv
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    if d1 <= 0.0 and d2 <= 0.0:
-        v, w = 0.0, 0.0
-    elif d3 >= 0.0 and d4 <= d3:
-        v, w = 1.0, 0.0
-    elif d6 >= 0.0 and d5 <= d6:
-        v, w = 0.0, 1.0
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        v, w = d1 / (d1 - d3), 0.0
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        v, w = 0.0, d2 / (d2 - d6)
-    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        v = 1.0 - w
-    else:
-        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
-    return ax + v * ux + w * vx, ay + v * uy + w * vy, az + v * uz + w * vz
-
-
-@numba.njit(cache=True)
 def _convex_distance(x, y, z, planes, triangles, first, last):
     """Inside, the nearest face's plane; outside, the nearest of all triangles."""
     highest, face = -np.inf, first
@@ -181,7 +153,7 @@ def _convex_distance(x, y, z, planes, triangles, first, last):
         # The nearest point lies on a face that the point is in front of.
         if planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z + planes[k, 3] < 0.0:
             continue
-        sx, sy, sz = _nearest_on_triangle(x, y, z, triangles[k])
+        sx, sy, sz = nearest_on_triangle(x, y, z, triangles[k])
         square = (x - sx) ** 2 + (y - sy) ** 2 + (z - sz) ** 2
         if square < best:
             best, nx, ny, nz = square, sx, sy, sz
