@@ -215,36 +215,20 @@ def proved_lower(proof: Proof) -> float:
         record = np.repeat(whole, repeat)
         within = np.arange(len(record)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
         segment = proof.first[record] + within
-        lowest = min(
-            lowest,
-            _least_bound(
-                problem,
-                p,
-                steps,
-                moving,
-                (at_knots, segment),
-                (at_knots, segment + 1),
-                proof.normals[record],
-                segment,
-                np.ones(len(segment)),
-            ),
+        ends = (at_knots, segment), (at_knots, segment + 1)
+        share = np.ones(len(segment))
+        found = _least_bound(
+            problem, p, steps, moving, *ends, proof.normals[record], segment, share
         )
+        lowest = min(lowest, found)
         mine = np.flatnonzero(proof.pair[part] == p)
         record = part[mine]
-        lowest = min(
-            lowest,
-            _least_bound(
-                problem,
-                p,
-                steps,
-                moving,
-                (at_parts[0], mine),
-                (at_parts[1], mine),
-                proof.normals[record],
-                proof.first[record],
-                proof.end[record] - proof.start[record],
-            ),
+        segment, share = proof.first[record], proof.end[record] - proof.start[record]
+        ends = (at_parts[0], mine), (at_parts[1], mine)
+        found = _least_bound(
+            problem, p, steps, moving, *ends, proof.normals[record], segment, share
         )
+        lowest = min(lowest, found)
     return lowest
 
 
