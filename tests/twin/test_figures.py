@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from pathlib import Path
 
 import matplotlib as mpl
@@ -22,35 +21,9 @@ from pips_drake.twin.figures import (
     where_least,
 )
 
+from ..figure_layout import check_layout
+
 TIME = np.linspace(0.0, 185.0, 400)
-
-
-def drawn_texts(figure: mpl.figure.Figure) -> list[mpl.text.Text]:
-    """The texts that drawing the figure draws (tick labels out of range exist, but are not)."""
-    found = []
-    draw = mpl.text.Text.draw
-
-    def draw_and_note(text: mpl.text.Text, renderer: object) -> None:
-        if text.get_visible() and text.get_text().strip() and text not in found:
-            found.append(text)
-        draw(text, renderer)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mpl.text.Text, "draw", draw_and_note)
-        figure.canvas.draw()
-    return found
-
-
-def overlapping_texts(figure: mpl.figure.Figure) -> list[tuple[str, str]]:
-    """Pairs of texts whose boxes overlap by more than a pixel."""
-    texts = drawn_texts(figure)
-    boxes = [(text.get_text(), mpl.text.Text.get_window_extent(text)) for text in texts]
-    return [
-        (a, b)
-        for (a, first), (b, second) in combinations(boxes, 2)
-        if min(first.x1, second.x1) - max(first.x0, second.x0) > 1.0
-        and min(first.y1, second.y1) - max(first.y0, second.y0) > 1.0
-    ]
 
 
 def border_is_white(file: Path) -> bool:
@@ -84,7 +57,7 @@ def test_texts_stand_apart_and_inside(tmp_path: Path, count: int, columns: int) 
         second_x=("tip travel (m)", 0.0254),
     )
     save_figure(figure, tmp_path / "a.png")
-    assert overlapping_texts(figure) == []
+    check_layout(figure)
     assert border_is_white(tmp_path / "a.png")
     assert mpl.image.imread(tmp_path / "a.png").shape[1] == 1500
 
@@ -138,10 +111,6 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[mpl.figure.Figure]:
     return figures
 
 
-def texts(figure: mpl.figure.Figure) -> str:
-    return " | ".join(text.get_text() for text in drawn_texts(figure))
-
-
 def test_clearance_says_least_distance_pair_and_time(drawn: list[mpl.figure.Figure]) -> None:
     distance = np.minimum(0.031 + 0.01 * np.abs(TIME - TIME[250]), 0.25)
     run_figures.clearance_figure(
@@ -153,10 +122,9 @@ def test_clearance_says_least_distance_pair_and_time(drawn: list[mpl.figure.Figu
         max_distance=0.25,
         own_distance=distance + 0.05,
     )
-    said = texts(drawn[0])
+    said = check_layout(drawn[0])
     assert "31.0 mm at 115.91 s\nprototype::camera_head to\npayload::payload" in said
     assert "must stay above 20 mm" in said
-    assert overlapping_texts(drawn[0]) == []
     line = drawn[0].axes[0].get_lines()[0].get_ydata()
     assert np.nanmax(line) < 250.0, "where the monitor sees nothing the line has a gap"
 
@@ -164,12 +132,12 @@ def test_clearance_says_least_distance_pair_and_time(drawn: list[mpl.figure.Figu
 def test_clearance_without_anything_near_says_so(drawn: list[mpl.figure.Figure]) -> None:
     far = np.full(TIME.shape, 0.25)
     run_figures.clearance_figure(Path("a.png"), TIME, far, max_distance=0.25, own_distance=far)
-    assert "nothing within the monitor's reach" in texts(drawn[0])
+    assert "nothing within the monitor's reach" in check_layout(drawn[0])
 
 
 def test_penetration_is_drawn_below_zero(drawn: list[mpl.figure.Figure]) -> None:
     run_figures.clearance_figure(Path("a.png"), TIME, 0.1 - 0.001 * TIME, threshold=0.02)
-    assert "least -85.0 mm" in texts(drawn[0])
+    assert "least -85.0 mm" in check_layout(drawn[0])
     assert drawn[0].axes[0].get_ylim()[0] < -85.0
 
 
@@ -178,8 +146,7 @@ def test_tracking_shows_both_runs(drawn: list[mpl.figure.Figure]) -> None:
     run_figures.tracking_figure(
         Path("a.png"), TIME, error, 0.5 * error, uncompensated=(TIME, 9 * error, error), limit=0.01
     )
-    said = texts(drawn[0])
+    said = check_layout(drawn[0])
     assert "3.00 mm at" in said
     assert "27.00 mm at" in said
     assert "limit 10 mm" in said
-    assert overlapping_texts(drawn[0]) == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -12,33 +11,6 @@ from pips_drake.errors import InputError
 from pips_drake.twin.study import workers
 from pips_drake.twin.study.cases import Case
 from pips_drake.twin.study.workers import Cluster, Processes
-
-WORK = """
-import os, time
-
-def square(task):
-    if task["x"] == 3:
-        raise ValueError("three is refused")
-    return {"square": task["x"] ** 2, "process": os.getpid()}
-
-def fragile(task):
-    if task["x"] == 2:
-        os.kill(os.getpid(), 9)
-    return {"square": task["x"] ** 2}
-
-def endless(task):
-    while task["x"] == 1:
-        time.sleep(0.01)
-    return {"square": task["x"] ** 2}
-"""
-
-
-@pytest.fixture
-def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    (tmp_path / "work_of_workers.py").write_text(WORK)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    return "work_of_workers"
 
 
 def cases_of(work: str, function: str, count: int) -> list[Case]:
