@@ -33,7 +33,8 @@ from pips_drake.serpentine.tip_path import TipPath
 
 Array = NDArray[np.float64]
 
-#: The springs have settled when no pulled point moves farther than this in a step, m.
+#: The springs have settled when no pulled point moves farther than this in a step, m. Slow parts of
+#: the error are then still up to some thousand times as large.
 SETTLED = 1e-6
 MAX_STEPS = 20000
 #: Steps of a link's length in which the walk along a path looks for a link's end.

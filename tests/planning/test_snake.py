@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize
 
 from pips_drake.errors import InputError
-from pips_drake.planning import snake as snakes
+from pips_drake.planning import snake_motion
 from pips_drake.planning.potential_field import Repulsion
 from pips_drake.planning.snake import (
     SnakeSettings,
@@ -20,8 +21,8 @@ from pips_drake.planning.snake import (
     make_snake,
     move_goal,
     nail,
-    settle,
 )
+from pips_drake.planning.snake_motion import settle
 
 SETTINGS = SnakeSettings(tension=2.0, bending_stiffness=0.05, spacing=0.1)
 REPULSION = Repulsion(strength=0.02, reach=0.4, clamp=0.02)
@@ -103,7 +104,7 @@ def test_a_step_solves_the_pentadiagonal_equations_that_a_dense_solver_solves():
         left[nailed] = np.eye(count)[nailed]
         right[nailed] = points[nailed]
         expected = np.linalg.solve(left, right)
-        found = snakes._implicit_step(points, nailed, alpha, beta, h, gain, force)
+        found = snake_motion._implicit_step(points, nailed, alpha, beta, h, gain, force)
         # Condition numbers are below 1e4.
         assert_allclose(found, expected, rtol=0, atol=1e-11)
         assert_array_equal(found[nailed], points[nailed])
@@ -191,7 +192,7 @@ def test_twice_the_fields_stiffness_would_not_be_stable():
         for _ in range(60):
             force = np.zeros((n, 3))
             force[:, 1] = -c * points[:, 1]
-            points = snakes._implicit_step(
+            points = snake_motion._implicit_step(
                 points, nailed, weak, 0.0 * weak, h, np.full(n, share * c), force
             )
         assert (np.abs(points[:, 1]).max() > start) == grows
@@ -209,7 +210,7 @@ def test_points_are_inserted_and_deleted_only_outside_the_band():
         assert np.linalg.norm(spaced.points - point, axis=-1).min() == 0.0
     shorter = start.points.copy()
     shorter[1:-1, 0] *= 0.4
-    shorter = keep_spacing(snakes.replace(start, points=shorter, nailed=start.nailed))
+    shorter = keep_spacing(replace(start, points=shorter, nailed=start.nailed))
     assert shorter.spacings.min() >= 0.05
     assert shorter.spacings.max() <= 0.15
 
@@ -220,7 +221,7 @@ def test_a_nailed_point_is_never_deleted():
     points = nailed.points.copy()
     points[4] = points[3] + [0.001, 0.0, 0.0]
     points[2] = points[3] - [0.001, 0.0, 0.0]
-    spaced = keep_spacing(snakes.replace(nailed, points=points))
+    spaced = keep_spacing(replace(nailed, points=points))
     k = np.flatnonzero(spaced.nailed)
     assert_array_equal(spaced.points[k[1]], [0.31, 0.0, 0.0])
 
