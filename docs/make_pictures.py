@@ -2,8 +2,9 @@
 
     python docs/make_pictures.py [NAME ...]
 
-A NAME is a shipped scenario or a model of models/sdf; all of both without one. The same versions
-give the same bytes. Scenarios are shown as planned, at the path's end, from their own `view`.
+A NAME is a shipped scenario or a model of models/sdf; without one, all models, and the scenarios
+that have a picture already. The same versions give the same bytes. Scenarios are shown as planned,
+at the path's end, from their own `view`.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def main(names: list[str]) -> None:
     if missing is not None:
         sys.exit(missing)
     IMAGES.mkdir(exist_ok=True)
-    for name in names or list_names("scenario"):
+    for name in names or sorted(file.stem for file in IMAGES.glob("*.png")):
         if name in list_names("scenario"):
             picture_scenario(name)
     for name in names or list_names("model"):
