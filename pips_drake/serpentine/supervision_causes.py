@@ -163,7 +163,8 @@ class Watch:
         barred: directions by cause, bits `FORWARD` and `BACK`; 0 for a cause that is not active.
         clear_for: how long each active cause has been past its resume threshold, s.
         least, own_least: clearances when the arm set out from a hold, m; infinite without one.
-        error: tracking error, m; infinite before the first.
+        error, load: tracking error, m, and largest share of its limit that a drive needed; infinite
+            before the first.
         lost_at: tracking error when that became a cause, m; infinite when it is none.
     """
 
@@ -172,6 +173,7 @@ class Watch:
     least: float = math.inf
     own_least: float = math.inf
     error: float = math.inf
+    load: float = math.inf
     lost_at: float = math.inf
 
     @property
@@ -247,6 +249,7 @@ def watch(before: _Watch, seen: Measurement, thresholds: Thresholds, period: flo
         least=before.least if barred[Cause.CLEARANCE] and not clearance else least,
         own_least=before.own_least if barred[Cause.SELF_CLEARANCE] and not own else own_least,
         error=seen.tracking_error,
+        load=seen.force_share,
         lost_at=lost_at,
     )
 
@@ -254,13 +257,14 @@ def watch(before: _Watch, seen: Measurement, thresholds: Thresholds, period: flo
 def runs_away(before: Watch, seen: Measurement, thresholds: Thresholds, period: float) -> bool:
     """Whether the arm goes on leaving its place although it is held for that.
 
-    Its error has grown since, it still grows, and no drive is at the limit of its force: what is
-    pushed that far has drives that cannot hold it, and comes back when it is let go.
+    Its error has grown since and still grows, and at this look and the one before no drive needed
+    more force than motion is resumed with. An arm that is pushed as far has drives at their limits,
+    or leans on what stopped it, and comes back when it is let go: it is not stopped for that.
     """
     return (
         seen.tracking_error > before.lost_at + thresholds.tracking_growth
         and seen.tracking_error > before.error + thresholds.closing_speed * period
-        and seen.force_share < thresholds.force_hold
+        and max(seen.force_share, before.load) < thresholds.force_resume
     )
 
 

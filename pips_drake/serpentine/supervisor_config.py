@@ -36,8 +36,8 @@ class SupervisorConfig:
     tracking_hold_mm: float = 40.0
     tracking_resume_mm: float = 25.0
     # Held for its tracking error, an arm stops at once if that grows by as much more, mm, while no
-    # drive is at the limit of its force: a drive runs away. More than twice what a tip at 45 mm/s
-    # goes on until it is held (11 mm), by which an arm that follows no more falls behind.
+    # drive needs more than `force_fraction_resume`: a drive runs away. Nearly twice what a tip at
+    # 45 mm/s goes on until it is held (11 mm), by which an arm that follows no more falls behind.
     tracking_growth_mm: float = 20.0
     # Largest share of its limit that a drive may need. `motion.profile: fastest` plans up to 0.95.
     force_fraction_hold: float = 0.98

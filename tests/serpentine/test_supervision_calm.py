@@ -150,9 +150,9 @@ def test_a_held_arm_that_goes_on_leaving_its_place_is_stopped_at_once():
     assert after(lost(0.0621, wish=HOLD), before=held).mode == Mode.STOP
 
 
-@pytest.mark.parametrize("share", [0.98, 1.2])
+@pytest.mark.parametrize("share", [0.81, 1.2])
 def test_an_arm_that_is_pushed_out_of_its_place_is_held_and_not_stopped(share):
-    # Its drives are at their limits: they are not what moves it.
+    # Its drives are at their limits, or it leans on what it was pushed against.
     held = after(lost(0.042, force_share=share))
     pushed = after(*(lost(error, force_share=share) for error in (0.1, 0.2)), before=held)
     assert pushed.mode == Mode.HOLD
@@ -161,11 +161,15 @@ def test_an_arm_that_is_pushed_out_of_its_place_is_held_and_not_stopped(share):
     assert back.mode == Mode.HOLD
     # Pushed first, and then running away: drives that are not at their limits move it themselves.
     assert after(lost(0.07), before=back).mode == Mode.STOP
+    # A single look at which they need little, as where it strikes, does not say so.
+    once = after(lost(0.21), before=pushed)
+    assert once.mode == Mode.HOLD
+    assert after(lost(0.22), before=once).mode == Mode.STOP
 
 
 def test_an_arm_that_stays_out_of_its_place_waits_for_its_patience():
     # 1 mm/s over 1/32 s is what it may creep.
-    held = after(lost(0.042), lost(0.1, force_share=1.0))
+    held = after(lost(0.042), lost(0.1, force_share=1.0), lost(0.1))
     assert after(lost(0.10003), before=held).mode == Mode.HOLD
     assert after(lost(0.10004), before=held).mode == Mode.STOP
 

@@ -109,8 +109,8 @@ class MotionSupervisor(LeafSystem):
     State: discrete, updated every `period` s (default 1/32 s), the first time at `offset` s
     (default 1/64 s, so that it sees what a monitor has found a control period before): command,
     share, brake, mode, cause, directions barred by each cause and for how long it has been clear,
-    least clearances, tracking error now and when it became a cause, time waited, how far a
-    retraction is released; and `measured`. At initialization the operator's command passes.
+    least clearances, tracking error now and when it became a cause, force needed, time waited, how
+    far a retraction is released; and `measured`. At initialization the operator's command passes.
     Latency: what is measured acts on the outputs at the next update.
 
     Decisions are those of `supervision.decide`. In short: the tip is held when the clearance that
@@ -266,6 +266,7 @@ def _pack(decision: Decision, command: float, share: float) -> list[float]:
         decision.least,
         decision.own_least,
         decision.error,
+        decision.load,
         decision.lost_at,
         decision.waited,
         float(decision.release),
@@ -277,7 +278,7 @@ def _unpack(state: list[float]) -> Decision:
     _, _, _, mode, cause, *rest = state
     count = len(BY_GRAVITY)
     barred, clear_for, rest = rest[:count], rest[count : 2 * count], rest[2 * count :]
-    least, own_least, error, lost_at, waited, release = rest
+    least, own_least, error, load, lost_at, waited, release = rest
     return Decision(
         mode=Mode(int(mode)),
         cause=Cause(int(cause)),
@@ -286,6 +287,7 @@ def _unpack(state: list[float]) -> Decision:
         least=least,
         own_least=own_least,
         error=error,
+        load=load,
         lost_at=lost_at,
         waited=waited,
         release=Release(int(release)),
