@@ -1,166 +1,265 @@
 """Runs trajectory 4 with random faults, and judges the runs otherwise than they judge themselves.
 
-    python -m benchmarks.fault_campaign --runs 33 --processes 2
+    python -m benchmarks.fault_campaign --runs 500 --processes 2 --file campaign.jsonl
 
-Every run has one random fault (kind, drive, time, size), from a seed. Afterwards every knot of the
-plant's recorded motion (each control period) is put into a plant of its own, and Drake is asked
-whether anything collides (`HasCollisions`). Asserted: no run crashes, hangs or leaves the finite
-numbers, and none that collides says that it passed.
+Every run has one random fault (`benchmarks.random_faults`), from its seed. Afterwards every step of
+the plant is put into a plant of its own, and Drake is asked whether anything collides; a sample of
+the steps is put to another library too (`benchmarks.collision_judges`). `complaints` says what
+must not be; any of it fails the campaign.
+
+Each finished run is a line of the file. Started again, the campaign leaves out the seeds that the
+file has.
 """
 
 from __future__ import annotations
 
 import argparse
 import collections
+import functools
+import json
 import multiprocessing
+import signal
 import sys
 import time
+import traceback
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-#: Kinds, each with how its size is drawn.
-KINDS = {
-    "jam": None,
-    "slow": (0.0, 0.3),
-    "runaway": (0.1, 1.0),
-    "limited": (2.0, 20.0),
-    "dead": None,
-    "stuck": None,
-    "biased": (0.2, 4.0),
-    "quantised": (0.05, 2.0),
-    "payload_displaced": None,
-    "disturbance": None,
-    "late": None,
-}
-#: pass and failed: of runs that went on to their end, by the verdict.
+from benchmarks.random_faults import KINDS, Draw, begin_at, draw, drawn_scenario
+
+#: What becomes of a run. pass and failed: it went on to its end, and the verdict.
 OUTCOMES = ("pass", "failed", "held", "retracted", "stopped", "hit")
-#: Simulated time of a run, and the longest that one may take of the clock, s.
-DURATION, LONGEST = 60.0, 300.0
-
-
-def random_fault(seed: int) -> dict[str, Any]:
-    """One fault, the same for the same seed; kinds take turns."""
-    rng = np.random.default_rng(seed)
-    kind = list(KINDS)[seed % len(KINDS)]
-    start = float(rng.uniform(2.0, 40.0))
-    fault: dict[str, Any] = {"kind": kind, "start_s": start}
-    joint = int(rng.integers(3, 19))
-    if kind in ("jam", "slow", "runaway", "limited"):
-        fault["drive"] = f"L{joint}"
-    elif kind in ("dead", "stuck", "biased", "quantised"):
-        fault["encoder"] = f"theta{joint}"
-    elif kind == "payload_displaced":
-        offset = rng.uniform([-100.0, 0.0, -100.0], [100.0, 450.0, 100.0])
-        fault |= {"body": "payload::payload", "offset_mm": offset.tolist(), "start_s": 0.0}
-    elif kind == "disturbance":
-        force = rng.normal(size=3)
-        fault["force_n"] = (rng.uniform(50.0, 800.0) * force / np.linalg.norm(force)).tolist()
-        fault["duration_s"] = float(rng.uniform(0.1, 3.0))
-    elif kind == "late":
-        fault["size"] = float(rng.integers(2, 40))
-    if KINDS[kind] is not None:
-        fault["size"] = float(rng.uniform(*KINDS[kind]))
-    return fault
+#: What must not become of it: an exception, or a process that died or was ended as hanging.
+BROKEN = ("error", "crash")
+#: Longest time that a run may take of the clock, s.
+LONGEST = 300.0
+#: Steps that coal looks at: the nearest ones that the run logged, and random others.
+NEAREST, RANDOM = 8, 24
+#: A process makes so many runs and is replaced: diagrams with Python systems are never freed.
+RUNS_PER_PROCESS = 20
 
 
 def judge(seed: int) -> dict[str, Any]:
-    """One run, and what another plant says of it."""
-    from pydrake.systems.framework import DiagramBuilder
+    """One run, and what others say of it. A hanging run ends its process."""
+    signal.alarm(int(LONGEST))
+    begin, lot = time.perf_counter(), draw(seed)
+    try:
+        found = run_and_judge(lot)
+    except Exception as error:  # whatever it is, it is the campaign's to tell
+        found = {"outcome": "error", "error": repr(error), "trace": traceback.format_exc()}
+    signal.alarm(0)
+    return lot.record() | found | {"wall": round(time.perf_counter() - begin, 2)}
 
-    from pips_drake.config import validate
-    from pips_drake.scenarios import load_scenario
-    from pips_drake.serpentine.fault_config import FaultConfig
-    from pips_drake.serpentine.runs.assessment import Assessment
-    from pips_drake.serpentine.runs.simulate import run_station
-    from pips_drake.serpentine.station import VISUAL_PERIOD, load_setup, make_plant
+
+def run_and_judge(lot: Draw) -> dict[str, Any]:
+    """What the run says of itself, and what the judges say."""
+    from benchmarks.collision_judges import disagreements
+    from pips_drake.serpentine.runs.judgement import judge_run
+    from pips_drake.serpentine.runs.run import run_station
     from pips_drake.serpentine.supervision import Mode
 
-    begin, fault = time.perf_counter(), random_fault(seed)
-    scenario = load_scenario("fault_jam").config
-    scenario.faults = [FaultConfig(**fault)]
-    scenario.duration_s, scenario.supervisor.patience_s = DURATION, 2.0
-    validate(scenario)
-    setup = load_setup(scenario)
-    run = run_station(scenario, setup)
-    builder = DiagramBuilder()
-    plant, scene_graph, model = make_plant(builder, setup, scenario, visual_period=VISUAL_PERIOD)
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    query_port, mine = scene_graph.get_query_output_port(), plant.GetMyContextFromRoot(context)
-    hits = []
-    for moment, positions in zip(run.motion.times, run.motion.positions, strict=True):
-        plant.SetPositions(mine, model, positions)
-        if query_port.Eval(scene_graph.GetMyContextFromRoot(context)).HasCollisions():
-            hits.append(float(moment))
-    supervised = run.supervised
-    assert supervised is not None
-    failures = supervised.failures()
-    failures += Assessment(
-        arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
-        checks=scenario.checks,
-        data=run.data,
-        clearance_range=scenario.clearance_range_m,
-    ).failures()
-    verdict = "failed" if failures else "pass"
-    words = {Mode.HOLD: "held", Mode.RETRACT: "retracted", Mode.STOP: "stopped"}
-    outcome = "hit" if hits else words.get(supervised.mode, verdict)
-    least = min(run.data.clearance.min(), run.data.self_clearance.min())
+    scenario, setup = drawn_scenario(lot)
+    run = run_station(
+        scenario,
+        setup,
+        every_step=True,
+        prepare=functools.partial(begin_at, scenario=scenario, setup=setup, start=lot.start),
+    )
+    verdict = judge_run(scenario, setup, run, commanded=False)
+    assert run.steps is not None
+    times, postures = run.steps.times, run.steps.states[:, : setup.arm.joints]
+    drake, coal = judges(scenario, setup)
+    hits = drake.collisions(postures)
+    sample = sample_of(lot.seed, times, hits, run.data.time, least_distances(run.data))
+    quarrels = disagreements(drake, coal, postures, sample)
+    supervised, words = run.supervised, ("pass", "held", "retracted", "stopped")
+    modes = (Mode.PERMIT, Mode.HOLD, Mode.RETRACT, Mode.STOP)
+    outcome = "pass" if supervised is None else words[modes.index(supervised.mode)]
+    if len(hits):
+        outcome = "hit"
+    elif outcome == "pass" and verdict.failures:
+        outcome = "failed"
+    told = {key: value for key, value in verdict.summary.items() if key.startswith("hit_")}
     return {
-        "seed": seed,
-        "fault": fault,
         "outcome": outcome,
-        "verdict": verdict,
-        "failures": failures,
-        "safe": supervised.safe,
-        "first_hit": hits[0] if hits else None,
-        "least": float(least),
-        "finite": bool(np.isfinite(run.motion.positions).all()),
-        "deviation": float(run.motion.deviation.max()),
-        "wall": time.perf_counter() - begin,
+        "verdict": "fail" if verdict.failures else "pass",
+        "failures": list(verdict.failures),
+        "steps": len(times),
+        "hit_steps": len(hits),
+        "first_hit": float(times[hits[0]]) if len(hits) else None,
+        "hits_at_end": bool(len(hits)) and int(hits[-1]) == len(times) - 1,
+        "told": {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in told.items()
+        },
+        "sampled": len(sample),
+        "disagreements": quarrels,
+        "safe": supervised.safe if supervised is not None else None,
+        "least": float(least_distances(run.data).min()),
+        "finite": is_finite(run),
     }
 
 
-def hits_anything(one: dict[str, Any]) -> bool:
-    """Whether the other plant found a collision."""
-    return one["first_hit"] is not None
+def judges(scenario: Any, setup: Any) -> tuple[Any, Any]:
+    """Two judges of the arm and the scene as they really stand, in a plant of their own."""
+    from benchmarks.collision_judges import CoalJudge, DrakeJudge
+    from pips_drake.serpentine.runs.placed_arm import place_arm
+
+    placed = place_arm(scenario, setup)
+    drake = DrakeJudge(placed)
+    return drake, CoalJudge(drake, placed.scene_graph.model_inspector())
 
 
-def table(results: list[dict[str, Any]]) -> str:
+def least_distances(data: Any) -> np.ndarray:
+    """To the scene or to itself, whichever is nearer, at the logged times, (N,) m."""
+    least: np.ndarray = np.minimum(data.clearance, data.self_clearance)
+    return least
+
+
+def is_finite(run: Any) -> bool:
+    """Whether states, commands, forces and distances are numbers."""
+    data = run.data
+    return all(
+        bool(np.isfinite(part).all())
+        for part in (
+            run.steps.states,
+            data.commanded_joints,
+            data.joint_efforts[1:],  # nothing has acted before the first step
+            data.clearance,
+            data.self_clearance,
+        )
+    )
+
+
+def sample_of(
+    seed: int, times: np.ndarray, hits: np.ndarray, logged: np.ndarray, least: np.ndarray
+) -> list[int]:
+    """The steps that the second library looks at.
+
+    Args:
+        times: of the steps, (N,) s.
+        hits: steps that Drake says collide.
+        logged: times, (M,) s, with `least` distances, (M,) m.
+    """
+    rng = np.random.default_rng([seed, 1])
+    nearest = np.searchsorted(times, logged[np.argsort(least)[:NEAREST]])
+    some = rng.integers(len(times), size=RANDOM)
+    edges = [hits[0] - 1, hits[0], hits[-1]] if len(hits) else []
+    rows = np.unique(np.concatenate([nearest, some, edges]).astype(np.int64))
+    return [int(row) for row in rows if 0 <= row < len(times)]
+
+
+def complaints(one: dict[str, Any]) -> list[str]:
+    """What must not be said of a run, as sentences; none for a run in order."""
+    if one["outcome"] in BROKEN:
+        return [f"{one['outcome']}: {one.get('error', '')}"]
+    found = [f"the judges disagree: {words}" for words in one["disagreements"]]
+    if not one["finite"]:
+        found.append("not all numbers are finite")
+    if one["wall"] > LONGEST:
+        found.append(f"took {one['wall']:.0f} s")
+    if one["first_hit"] is not None:
+        if one["verdict"] == "pass":
+            found.append("it collides and says that it passed")
+        told = one["told"].get("hit_time_s")
+        if told is None:
+            found.append("it collides and does not say what was hit")
+        elif told != one["first_hit"]:
+            found.append(f"it says that it hit at {told} s; it did at {one['first_hit']} s")
+    elif one["told"]:
+        found.append("it says that it hit something, which it did not")
+    if one["hits_at_end"] and one["safe"]:
+        found.append("it ends in a collision and says that it ended safely")
+    return found
+
+
+def table(results: Sequence[dict[str, Any]]) -> str:
     """Outcomes by kind, Markdown."""
-    counts = collections.Counter((one["fault"]["kind"], one["outcome"]) for one in results)
-    lines = [f"| fault | {' | '.join(OUTCOMES)} |", "|---|" + "---|" * len(OUTCOMES)]
-    for kind in KINDS:
-        cells = " | ".join(str(counts[kind, outcome]) for outcome in OUTCOMES)
-        lines.append(f"| {kind} | {cells} |")
+    lines = [f"| fault | runs | {' | '.join(OUTCOMES)} |", "|---|" + "---|" * (len(OUTCOMES) + 1)]
+    counts = collections.Counter((one["kind"], one["outcome"]) for one in results)
+    for kind in (*KINDS, "all"):
+        these = [counts[kind, outcome] for outcome in OUTCOMES]
+        if kind == "all":
+            these = [sum(counts[one, outcome] for one in KINDS) for outcome in OUTCOMES]
+        lines.append(f"| {kind} | {sum(these)} | {' | '.join(map(str, these))} |")
+    hits = [one for one in results if one["outcome"] == "hit"]
+    by_whom = collections.Counter(one["supervised"] for one in hits)
+    from_start = sum(one["first_hit"] == 0.0 for one in hits)
+    lines += [
+        "",
+        f"{len(hits)} runs hit something: {by_whom[False]} without and {by_whom[True]} with a "
+        f"supervisor; {from_start} of them began in contact.",
+        f"{sum(one.get('steps', 0) for one in results)} steps judged, "
+        f"{sum(one.get('sampled', 0) for one in results)} of them by the second library.",
+        f"{sum(bool(complaints(one)) for one in results)} runs are complained of.",
+    ]
     return "\n".join(lines)
 
 
-def main() -> None:
+def run_all(seeds: Sequence[int], processes: int) -> Iterator[dict[str, Any]]:
+    """Results as they come; a run that ends its process is told as a crash."""
+    context, left = multiprocessing.get_context("spawn"), set(seeds)
+    try:
+        with ProcessPoolExecutor(
+            processes, mp_context=context, max_tasks_per_child=RUNS_PER_PROCESS
+        ) as pool:
+            for pending in as_completed([pool.submit(judge, seed) for seed in seeds]):
+                one = pending.result()
+                left.discard(one["seed"])
+                yield one
+    except BrokenProcessPool:
+        # One of them did it: each on its own, until that is known.
+        for seed in sorted(left):
+            with ProcessPoolExecutor(1, mp_context=context) as pool:
+                try:
+                    yield pool.submit(judge, seed).result()
+                except BrokenProcessPool:
+                    yield draw(seed).record() | {"outcome": "crash"}
+
+
+def read_results(file: Path) -> list[dict[str, Any]]:
+    """The runs that a file has; a last line that was cut off is none."""
+    if not file.exists():
+        return []
+    whole = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
+    return [json.loads(line) for line in whole]
+
+
+def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--runs", type=int, default=33)
+    parser.add_argument("--runs", type=int, default=28)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--file", type=Path, default=Path("fault_campaign.jsonl"))
     options = parser.parse_args()
-    results = []
-    context = multiprocessing.get_context("spawn")
+    results = read_results(options.file)
     seeds = range(options.first_seed, options.first_seed + options.runs)
-    # A process that crashes breaks the pool, and one that hangs runs into the time.
-    with ProcessPoolExecutor(options.processes, mp_context=context) as pool:
-        waiting = [pool.submit(judge, seed) for seed in seeds]
-        for pending in as_completed(waiting, timeout=LONGEST * options.runs):
-            one = pending.result()
-            assert one["finite"] and one["wall"] < LONGEST, one
-            # What collided must not be said to have passed.
-            assert not (hits_anything(one) and one["verdict"] == "pass"), one
+    results = [one for one in results if one["seed"] in seeds]
+    missing = sorted(set(seeds) - {one["seed"] for one in results})
+    options.file.write_text("".join(json.dumps(one) + "\n" for one in results))
+    with options.file.open("a") as file:
+        for one in run_all(missing, options.processes):
             results.append(one)
-            sys.stdout.write(f"{one}\n")
+            file.write(json.dumps(one) + "\n")
+            file.flush()
+            words = "; ".join(complaints(one)) or "in order"
+            sys.stdout.write(
+                f"{len(results)}/{len(seeds)} seed {one['seed']} {one['kind']}: {one['outcome']} "
+                f"({one.get('wall', 0.0):.1f} s); {words}\n"
+            )
             sys.stdout.flush()
+    results.sort(key=lambda one: one["seed"])
     sys.stdout.write(table(results) + "\n")
+    wrong = [(one["seed"], words) for one in results for words in complaints(one)]
+    for seed, words in wrong:
+        sys.stdout.write(f"seed {seed}: {words}\n")
+    return 1 if wrong else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -38,12 +38,18 @@ class Judgement:
 
 
 def judge_run(
-    scenario: SerpentineScenario, setup: SerpentineSetup, run: Run, *, proofs: Path | None = None
+    scenario: SerpentineScenario,
+    setup: SerpentineSetup,
+    run: Run,
+    *,
+    proofs: Path | None = None,
+    commanded: bool = True,
 ) -> Judgement:
     """Judges a run.
 
     Args:
         proofs: the folder for `proof_commanded.npz` and `proof_simulated.npz`.
+        commanded: whether to certify the commanded motion too, which no verdict depends on.
     """
     assessment = Assessment(
         arm=setup.arm,
@@ -67,7 +73,9 @@ def judge_run(
         failures += run.supervised.failures()
     certified = None
     if placed is not None and scenario.certificate.enabled:
-        certified, proved, unproved = _certify(
+        if commanded:
+            summary |= _certify_commanded(scenario, setup, placed, proofs)
+        certified, proved, unproved = _certify_simulated(
             scenario, setup, assessment, run.motion, placed, proofs
         )
         summary |= proved
@@ -77,7 +85,18 @@ def judge_run(
     )
 
 
-def _certify(
+def _certify_commanded(
+    scenario: SerpentineScenario, setup: SerpentineSetup, placed: PlacedArm, proofs: Path | None
+) -> dict[str, Any]:
+    """Certifies the commanded motion and writes its proof; returns the summary's part."""
+    motion = commanded_motion(scenario, setup, make_profile(scenario, setup))
+    certified, summary, _ = certify("commanded", scenario, setup, motion, placed)
+    if certified is not None and proofs is not None:
+        write_proof(proofs / "proof_commanded.npz", certified)
+    return summary
+
+
+def _certify_simulated(
     scenario: SerpentineScenario,
     setup: SerpentineSetup,
     assessment: Assessment,
@@ -85,28 +104,18 @@ def _certify(
     placed: PlacedArm,
     proofs: Path | None,
 ) -> tuple[CertifiedMotion | None, dict[str, Any], list[str]]:
-    """Certifies the commanded and the simulated motion, and writes their proofs.
+    """Certifies the simulated motion and writes its proof.
 
     Returns:
-        what is proved of the simulated one; the summary's part; what fails the verdict.
+        what is proved; the summary's part; what fails the verdict.
     """
-    profile = make_profile(scenario, setup)
-    # The verdict is that of the simulated motion.
-    commanded, summary, _ = certify(
-        "commanded", scenario, setup, commanded_motion(scenario, setup, profile), placed
+    least = {
+        "clearance": float(assessment.data.clearance.min()),
+        "self_clearance": float(assessment.data.self_clearance.min()),
+    }
+    certified, summary, failures = certify(
+        "simulated", scenario, setup, motion, placed, sampled=least
     )
-    simulated, more, failures = certify(
-        "simulated",
-        scenario,
-        setup,
-        motion,
-        placed,
-        sampled={
-            "clearance": float(assessment.data.clearance.min()),
-            "self_clearance": float(assessment.data.self_clearance.min()),
-        },
-    )
-    for name, certified in (("commanded", commanded), ("simulated", simulated)):
-        if certified is not None and proofs is not None:
-            write_proof(proofs / f"proof_{name}.npz", certified)
-    return simulated, summary | more, failures
+    if certified is not None and proofs is not None:
+        write_proof(proofs / "proof_simulated.npz", certified)
+    return certified, summary, failures

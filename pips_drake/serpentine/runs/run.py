@@ -186,13 +186,13 @@ def run_station(
     Args:
         label: of the progress bar.
         every_step: keep every step of the plant.
-        prepare: called with the station and its context before the run: begins it elsewhere.
+        prepare: called with the station and the root context before the run: begins it elsewhere.
     """
     built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm, every_step=every_step)
     station = built.station
     simulator = MakeSimulator(built.diagram, scenario)
     if prepare is not None:
-        prepare(station, station.GetMyMutableContextFromRoot(simulator.get_mutable_context()))
+        prepare(station, simulator.get_mutable_context())
     watch = ContactWatch(built.recorder, built.logs["clearance_monitor.clearance"])
     run_time = advance(
         simulator,
