@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pips_drake.serpentine.drives import drive_limits
 from pips_drake.serpentine.fault_config import FaultConfig
 from pips_drake.serpentine.scenario import ClockConfig
 from pips_drake.serpentine.station import MakeSerpentineStation
@@ -13,6 +14,7 @@ from pips_drake.serpentine.supervision import Cause, Mode
 from pips_drake.serpentine.systems.tip_path_source import HOLD, RUN
 
 from .station_bench import PLANT_STEP, Bench, scenario, spine_distance
+from .supervised_moments import CONFIG
 
 
 def test_a_supervised_arm_is_held_when_an_encoder_fails_and_stopped_when_it_stays_so():
@@ -65,6 +67,24 @@ def test_a_stop_brakes_a_drive_that_runs_away_in_its_latency():
     bench.advance(0.25)
     # It stands as its drives do; a swing that dies out is left.
     assert spine_distance(bench.setup.arm, bench.joints, before) < 1e-3
+
+
+def test_brakes_at_full_speed_overload_no_drive_and_leave_the_arm_where_it_was():
+    bench = Bench(scenario(), command=RUN)
+    bench.advance(2.0)
+    speed = bench["tip_path_source.tip"][1]
+    assert speed == pytest.approx(0.025)
+    bench.command(0.5)  # no word: a stop at once
+    while bench["motion_supervisor.mode"] != Mode.STOP:
+        bench.advance(PLANT_STEP)
+    start, limits, loads = bench.joints, drive_limits(bench.setup.arm)[3], []
+    for _ in range(256):
+        bench.advance(PLANT_STEP)
+        loads.append(np.abs(bench["actuator_force_map.drive_effort"] / limits).max())
+    assert max(loads) < CONFIG.force_fraction_hold
+    # 2 / 64 s until the servo's set-point stands, two plant steps, and a swing of as much again.
+    gone = spine_distance(bench.setup.arm, bench.joints, start)
+    assert gone < 2.0 * speed * (2.0 / 64.0 + 2.0 / 512.0)
 
 
 def test_without_a_supervisor_the_operator_has_the_path_source():
