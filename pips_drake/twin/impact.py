@@ -82,11 +82,17 @@ class Impact:
         robot, other = self.pair
         if self.closing_speed <= 0.0:
             return f"{robot} touches {other} at {self.time:.3f} s without closing in"
-        return (
-            f"{robot} hit {other} at {self.time:.3f} s: closing in at "
-            f"{self.closing_speed * 1e3:.3g} mm/s with {self.effective_mass:.3g} kg along the "
-            f"normal, {self.energy:.2g} J, {self.impulse:.2g} N s"
+        speed, mass, energy, impulse = map(
+            _three_digits, (self.closing_speed, self.effective_mass, self.energy, self.impulse)
         )
+        return (
+            f"{robot} hit {other} at {self.time:.3f} s: closing in at {speed} m/s with {mass} kg "
+            f"along the normal, {energy} J, {impulse} N s"
+        )
+
+
+def _three_digits(value: float) -> str:
+    return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
 
 
 def find_impact(plant: MultibodyPlant, context: Context, nearest: LeastDistance) -> Impact:

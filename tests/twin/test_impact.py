@@ -234,7 +234,7 @@ def test_a_blow_is_told_with_what_when_and_how_hard():
         effective_mass=16.0,
     )
     assert blow.sentence() == (
-        "prototype::segment_8 hit pallet::pallet at 30.113 s: closing in at 250 mm/s with 16 kg "
+        "prototype::segment_8 hit pallet::pallet at 30.113 s: closing in at 0.25 m/s with 16 kg "
         "along the normal, 0.5 J, 4 N s"
     )
     told = blow.summary()
