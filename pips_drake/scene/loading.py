@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -204,4 +205,10 @@ def _add_models(plant: MultibodyPlant, file: Path) -> list[ModelInstanceIndex]:
         return list(parser.AddModels(str(file)))
     # drake 1.51 exits where a mesh has faces of vertices that it lacks.
     except (RuntimeError, SystemExit) as error:
+        relative = re.search(r"URI '([^']*)' is invalid when parsing a string", str(error))
+        if relative:
+            raise InputError(
+                f"{file}: file: {relative[1]}; directives know no relative names: must be "
+                "file:///..., or package://pips_drake/... for what is shipped"
+            ) from None
         raise InputError(f"{file}: {' '.join(str(error).split())}") from None

@@ -81,6 +81,14 @@ def test_directives_say_themselves_where_things_stand(bracket, tmp_path):
     assert pose(load(file)).IsNearlyEqualTo(X_W0, 1e-12)
 
 
+def test_directives_with_relative_names_are_told_what_is_allowed(bracket, tmp_path):
+    bracket.write(tmp_path)
+    file = tmp_path / "s.dmd.yaml"
+    file.write_text("directives:\n- add_model: {name: b, file: bracket.sdf}\n")
+    with pytest.raises(InputError, match=r"file: bracket\.sdf; .* must be file:///\.\.\., or pack"):
+        load(file)
+
+
 def test_links_without_joints_are_each_welded(tmp_path):
     collision = "<collision name='c'><geometry><box><size>1 1 1</size></box></geometry></collision>"
     links = "".join(
