@@ -11,9 +11,10 @@ from pips_drake.serpentine.scenario import ClockConfig
 from pips_drake.serpentine.station import MakeSerpentineStation
 from pips_drake.serpentine.station.supervision import supervision_latency, supervision_period
 from pips_drake.serpentine.supervision import Cause, Mode
+from pips_drake.serpentine.systems.motion_supervisor import MEASURED
 from pips_drake.serpentine.systems.tip_path_source import HOLD, RUN
 
-from .station_bench import PLANT_STEP, Bench, scenario, spine_distance
+from .station_bench import PLANT_STEP, Bench, load_home, scenario, spine_distance
 from .supervised_moments import CONFIG
 
 
@@ -85,6 +86,23 @@ def test_brakes_at_full_speed_overload_no_drive_and_leave_the_arm_where_it_was()
     # 2 / 64 s until the servo's set-point stands, two plant steps, and a swing of as much again.
     gone = spine_distance(bench.setup.arm, bench.joints, start)
     assert gone < 2.0 * speed * (2.0 / 64.0 + 2.0 / 512.0)
+
+
+def test_a_folded_arm_that_moves_sees_what_closes_in_on_itself():
+    # Half a radian at every other hinge: two of its bodies are 0.127 m apart. Its drives pull it
+    # straight.
+    folded = load_home()
+    folded[2::2] = -0.5
+    bench = Bench(scenario(), start=folded)
+    bench.advance(0.125)
+    seen = dict(zip(MEASURED, bench["motion_supervisor.measured"], strict=True))
+    # What will be nearest stands no nearer than what is.
+    assert seen["self_clearance_m"] - 1e-12 <= seen["self_urgent_clearance_m"] < 0.15
+    assert abs(seen["self_urgent_rate_m_per_s"]) > 1e-3
+    monitor = bench.station.GetSubsystemByName("clearance_monitor")
+    pair = monitor.pair_name(seen["self_urgent_pair"])
+    assert all(name.startswith("prototype::") for name in pair)
+    assert np.isnan(seen["urgent_pair"])  # there is no scene
 
 
 def test_without_a_supervisor_the_operator_has_the_path_source():
