@@ -76,7 +76,8 @@ class CoalJudge:
             shape.computeLocalAABB()
         self._radii = np.array([shape.aabb_radius for shape in self._shapes])
         self._centres = np.array([shape.aabb_center for shape in self._shapes])
-        self._request = coal.DistanceRequest(True, 0.0, 0.0)
+        self._request = coal.DistanceRequest()
+        self._request.enable_signed_distance = True  # else whatever penetrates is 0 apart
 
     def least(self, positions: Array, reach: float = 0.05) -> tuple[float, tuple[str, str] | None]:
         """The least distance at a posture, m, negative in penetration; and of which shapes.
