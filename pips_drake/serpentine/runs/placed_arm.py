@@ -28,7 +28,7 @@ class PlacedArm:
     def posed(self, postures: Iterable[NDArray[np.float64]]) -> Iterator[QueryObject]:
         """The scene with the arm in one posture after another, (joints,) m and rad each.
 
-        A query is good until the next is asked for.
+        A query is good until the next is asked for, and no longer than the iterator.
         """
         context = self.diagram.CreateDefaultContext()
         plant_context = self.plant.GetMyMutableContextFromRoot(context)
