@@ -1,1 +1,1 @@
-"""From a goal to a path that an arm can take: grid search, potential field, snake (CMU-92)."""
+"""The path planner: from a goal to a path that an arm can follow, clear of everything (CMU-92)."""
