@@ -61,11 +61,13 @@ supervisor:
   own_resume_clearance_mm: 9.0
   tracking_hold_mm: 30.0
   tracking_resume_mm: 20.0
+  tracking_growth_mm: 15.0
   force_fraction_hold: 0.9
   force_fraction_resume: 0.7
   closing_speed_mm_per_s: 2.0
   give_way_mm: 4.0
   hold_ramp_s: 0.75
+  quiet_s: 0.75
   patience_s: 3.0
   safe_speed_fraction: 0.25
   overtime_s: 30.0

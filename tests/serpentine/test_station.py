@@ -79,7 +79,7 @@ def test_port_sizes_are_those_documented(shipped):
         "clearance_monitor.clearance": 3,
         "clearance_monitor.witness": 7,
         "motion_supervisor.command": 1,
-        "motion_supervisor.measured": 12,
+        "motion_supervisor.measured": 15,
         "plant.state": 36,
         "plant.net_actuation": 18,
     }
