@@ -40,7 +40,7 @@ BROKEN = ("error", "crash")
 LONGEST = 300.0
 #: Steps that coal looks at: the nearest ones that the run logged, and random others.
 NEAREST, RANDOM = 8, 24
-#: A process makes so many runs and is replaced: diagrams with Python systems are never freed.
+#: A process makes about so many runs and is replaced: diagrams with Python systems are never freed.
 RUNS_PER_PROCESS = 20
 
 
@@ -203,11 +203,17 @@ def table(results: Sequence[dict[str, Any]]) -> str:
 
 def run_all(seeds: Sequence[int], processes: int) -> Iterator[dict[str, Any]]:
     """Results as they come; a run that ends its process is told as a crash."""
+    batch = RUNS_PER_PROCESS * processes
+    for first in range(0, len(seeds), batch):
+        # A pool a batch: `max_tasks_per_child` may leave a pool without a process (Python issue
+        # 115634; seen here after twice 20 runs).
+        yield from _run_batch(seeds[first : first + batch], processes)
+
+
+def _run_batch(seeds: Sequence[int], processes: int) -> Iterator[dict[str, Any]]:
     context, left = multiprocessing.get_context("spawn"), set(seeds)
     try:
-        with ProcessPoolExecutor(
-            processes, mp_context=context, max_tasks_per_child=RUNS_PER_PROCESS
-        ) as pool:
+        with ProcessPoolExecutor(processes, mp_context=context) as pool:
             for pending in as_completed([pool.submit(judge, seed) for seed in seeds]):
                 one = pending.result()
                 left.discard(one["seed"])
