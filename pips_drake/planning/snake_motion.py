@@ -4,19 +4,23 @@ The discrete energy (`snake`) has the internal gradient K v per length, K pentad
 and positive. Points move against the gradient, their inertia neglected, the internal part taken
 after the step:
 
-    (K + G) v' = G v - U'(v) + f,    G = diag(g_i) in N/m^2.
+    (K + G) v' = G v - U'(v) + f,    G of a symmetric block G_i (3, 3) a point, in N/m^2.
 
-The stable step. Let the field be linear about the path, U' = C v with 0 <= C. A deviation e becomes
-e' = M e with (K + G) M = G - C. For an eigenvector x with eigenvalue m,
+K is the same along x, y and z; with G the matrix is banded, with six diagonals on either side.
+
+The stable step. Let the field be linear about the path, U' = C v, C of symmetric blocks. A
+deviation e becomes e' = M e with (K + G) M = G - C. For an eigenvector x with eigenvalue m,
 
     m = x'(G - C)x / x'(K + G)x.
 
--1 < m < 1 asks for x'(2G + K - C)x > 0, which g_i > c_i / 2 ensures; g_i >= c_i ensures m >= 0, so
-that nothing overshoots. Along an obstacle's gradient c_i is U'' at the point, which
-`Repulsion.stiffness` gives, summed over obstacles. Across it, the field of a convex surface is soft
-(c < 0): no step is unstable for that, the path itself slides aside. So g_i is U'' there, plus
-a floor that the tension sets. Because the field is not linear, a step that raises the energy is
-taken again with twice the g, and a factor of two is given back with each step that does not.
+-1 < m < 1 asks for x'(2 G + K - C)x > 0 and x'(K + C)x > 0: the first holds if G > C / 2, the
+second if the path can rest there at all. G >= C ensures m >= 0 too, so that nothing overshoots. Of
+an obstacle at distance d with the gradient n, C = U''(d) n n' + U'(d) d'': along n the field is as
+stiff as U'', which `Repulsion.stiffness` gives; across n, with U' < 0, a convex surface (d'' >= 0)
+makes it soft, a concave one stiffer. So G_i is the sum of U'' n n' over obstacles, plus g times the
+unit matrix: a gain along n alone does not slow what slides along a wall. g starts as a small share
+of the tension's stiffness. Because fields are neither linear nor always convex, a step that raises
+the energy is taken again with a larger g, and with each step that does not, g shrinks.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solveh_banded
 
 from pips_drake.errors import InputError
 from pips_drake.planning.potential_field import DistanceField, Repulsion
@@ -38,10 +43,12 @@ Array = NDArray[np.float64]
 SETTLED = 1e-5
 #: Most steps of `settle`.
 MAX_STEPS = 5000
-#: The floor of g as a share of alpha / h^2, the tension's stiffness between neighbours.
+#: The least g as a share of alpha / h^2, the tension's stiffness between neighbours.
 _FLOOR = 1e-4
-#: A step that raises the energy is repeated at most this often, with twice the g each time.
-_MAX_DOUBLINGS = 40
+#: What g grows by when a step raised the energy, and shrinks by when it did not.
+_GROWTH, _SHRINK = 4.0, 0.5
+#: So often at most; then the step is taken as it is: it is too small to matter.
+_MOST_REPEATS = 40
 #: By so much an energy may seem to rise by rounding.
 _ROUNDING = 1e-12
 
@@ -81,34 +88,27 @@ def settle(
         tolerance: it rests when no point moved farther than this in a step, m.
 
     Raises:
-        InputError: a distance is not a finite number.
+        InputError: a distance is not a number.
     """
     h = snake.settings.spacing
     snake = keep_spacing(snake)
     felt = _feel(snake, field, repulsion, pulls)
-    energies, doublings, stable, steps = [felt.energy], 0, False, 0
+    floor = _FLOOR * snake.tension.max() / h**2
+    energies, gain, stable, steps = [felt.energy], floor, False, 0
     while steps < max_steps and not stable:
-        floor = _FLOOR * snake.tension.max() / h**2
-        stiffness = repulsion.stiffness(felt.distance).sum(axis=-1) + floor
-        while True:
-            points = _implicit_step(
-                snake.points,
-                snake.nailed,
-                snake.tension,
-                snake.bending_stiffness,
-                h,
-                stiffness * 2.0**doublings,
-                felt.force,
-            )
+        for _ in range(_MOST_REPEATS):
+            points = _implicit_step(snake, felt, gain)
             moved = replace(snake, points=points)
             after = _feel(moved, field, repulsion, pulls)
-            if after.energy <= felt.energy * (1.0 + _ROUNDING) or doublings == _MAX_DOUBLINGS:
+            if after.energy <= felt.energy + _ROUNDING * abs(felt.energy):
                 break
-            doublings += 1
+            gain *= _GROWTH
         steps += 1
-        stable = float(np.abs(points - snake.points).max()) * 2.0**doublings <= tolerance
-        doublings = max(doublings - 1, 0)
         energies.append(after.energy)
+        # A small step at a large gain says nothing.
+        small = float(np.abs(points - snake.points).max()) <= tolerance
+        stable = small and gain <= _GROWTH * floor
+        gain = max(gain * _SHRINK, floor)
         snake, felt = moved, after
         spaced = keep_spacing(snake)
         if spaced is not snake:
@@ -126,8 +126,9 @@ def settle(
 class _Felt:
     """What the field and the operator do to a snake's points, and the whole energy, J."""
 
-    distance: Array
-    force: Array
+    distance: Array  # (N, M), m
+    force: Array  # (N, 3), N/m
+    stiffness: Array  # (N, 3, 3), N/m^2: the sum of U'' n n'
     energy: float
 
 
@@ -139,16 +140,17 @@ def _feel(
 ) -> _Felt:
     h = snake.settings.spacing
     distance, gradient = field(snake.points)
-    if not np.isfinite(distance).all():
-        raise InputError("a snake's point has no finite distance to the obstacles")
+    if np.isnan(distance).any():
+        raise InputError("a snake's point has no distance to the obstacles: not a number")
     force = np.einsum("ij,ijk->ik", repulsion.push(distance), gradient)
+    stiffness = np.einsum("ij,ijk,ijl->ikl", repulsion.stiffness(distance), gradient, gradient)
     energy = h * float(repulsion.energy(distance).sum())
     for place, pull in pulls:
         k, newtons = snake.nearest(place), np.asarray(pull, dtype=np.float64)
         force[k] += newtons / h
         energy -= float(newtons @ snake.points[k])
     energy += _internal_energy(snake.points, snake.tension, snake.bending_stiffness, h)
-    return _Felt(distance, force, energy)
+    return _Felt(distance, force, stiffness, energy)
 
 
 @numba.njit(cache=True)
@@ -167,73 +169,70 @@ def _internal_energy(points, tension, bending_stiffness, h):
     return energy
 
 
+def _implicit_step(snake: Snake, felt: _Felt, gain: float) -> Array:
+    """Points (N, 3) after (K + G) v' = G v + F with g = `gain`, nailed ones where they are."""
+    blocks = felt.stiffness + gain * np.eye(3)
+    bands, right = _banded(
+        snake.points,
+        snake.nailed,
+        snake.tension,
+        snake.bending_stiffness,
+        snake.settings.spacing,
+        blocks,
+        felt.force,
+    )
+    after = solveh_banded(
+        bands, right, lower=True, overwrite_ab=True, overwrite_b=True, check_finite=False
+    )
+    points: Array = after.reshape(-1, 3)
+    points[snake.nailed] = snake.points[snake.nailed]
+    return points
+
+
 @numba.njit(cache=True)
-def _implicit_step(points, nailed, tension, bending_stiffness, h, gain, force):
-    """Points (N, 3) after (K + G) v' = G v + F, nailed ones where they are."""
+def _banded(points, nailed, tension, bending_stiffness, h, blocks, force):
+    """K + G as lower bands (7, 3 N), and G v + F (3 N,); rows of nailed points say v' = v."""
     n = len(points)
-    diagonal, one, two = gain.copy(), np.zeros(n), np.zeros(n)  # one[i]: of i and i + 1, and so on
+    bands, right = np.zeros((7, 3 * n)), np.empty(3 * n)
+    near, far = np.zeros(n), np.zeros(n)  # of i and i + 1, of i and i + 2: the same along x, y, z
+    own = np.zeros(n)
     for i in range(n - 1):
         a = 0.5 * (tension[i] + tension[i + 1]) / (h * h)
-        diagonal[i] += a
-        diagonal[i + 1] += a
-        one[i] -= a
+        own[i] += a
+        own[i + 1] += a
+        near[i] -= a
     for i in range(1, n - 1):
         b = bending_stiffness[i] / h**4
-        diagonal[i - 1] += b
-        diagonal[i] += 4.0 * b
-        diagonal[i + 1] += b
-        one[i - 1] -= 2.0 * b
-        one[i] -= 2.0 * b
-        two[i - 1] += b
-    after = np.empty((n, 3))
+        own[i - 1] += b
+        own[i] += 4.0 * b
+        own[i + 1] += b
+        near[i - 1] -= 2.0 * b
+        near[i] -= 2.0 * b
+        far[i - 1] += b
     for i in range(n):
         for k in range(3):
-            after[i, k] = gain[i] * points[i, k] + force[i, k]
-    # What is nailed leaves the equations: known, it goes to the right side.
-    for i in range(n):
-        if not nailed[i]:
-            continue
-        for k in range(3):
-            if i > 0:
-                after[i - 1, k] -= one[i - 1] * points[i, k]
-            if i > 1:
-                after[i - 2, k] -= two[i - 2] * points[i, k]
-            if i < n - 1:
-                after[i + 1, k] -= one[i] * points[i, k]
-            if i < n - 2:
-                after[i + 2, k] -= two[i] * points[i, k]
-        if i > 0:
-            one[i - 1] = 0.0
-        if i > 1:
-            two[i - 2] = 0.0
-        one[i] = 0.0
-        two[i] = 0.0
-        diagonal[i] = 1.0
-    for i in range(n):
-        if nailed[i]:
-            for k in range(3):
-                after[i, k] = points[i, k]
-    # L D L' of a pentadiagonal matrix, L's diagonals over `one` and `two`, and its solution.
-    for i in range(n):
-        if i > 0:
-            diagonal[i] -= one[i - 1] * one[i - 1] * diagonal[i - 1]
-        if i > 1:
-            diagonal[i] -= two[i - 2] * two[i - 2] * diagonal[i - 2]
-        if i > 0:
-            one[i] -= two[i - 1] * one[i - 1] * diagonal[i - 1]
-        one[i] /= diagonal[i]
-        two[i] /= diagonal[i]
-    for k in range(3):
-        for i in range(n):
-            if i > 0:
-                after[i, k] -= one[i - 1] * after[i - 1, k]
-            if i > 1:
-                after[i, k] -= two[i - 2] * after[i - 2, k]
-        for i in range(n):
-            after[i, k] /= diagonal[i]
-        for i in range(n - 1, -1, -1):
-            if i < n - 1:
-                after[i, k] -= one[i] * after[i + 1, k]
-            if i < n - 2:
-                after[i, k] -= two[i] * after[i + 2, k]
-    return after
+            row = 3 * i + k
+            if nailed[i]:
+                bands[0, row], right[row] = 1.0, points[i, k]
+                continue
+            total = force[i, k]
+            for m in range(3):
+                total += blocks[i, k, m] * points[i, m]
+            # What is nailed is known: it stands on the right side.
+            if i > 0 and nailed[i - 1]:
+                total -= near[i - 1] * points[i - 1, k]
+            if i > 1 and nailed[i - 2]:
+                total -= far[i - 2] * points[i - 2, k]
+            if i < n - 1 and nailed[i + 1]:
+                total -= near[i] * points[i + 1, k]
+            if i < n - 2 and nailed[i + 2]:
+                total -= far[i] * points[i + 2, k]
+            right[row] = total
+            bands[0, row] = own[i] + blocks[i, k, k]
+            for m in range(k + 1, 3):
+                bands[m - k, row] = blocks[i, m, k]
+            if i < n - 1 and not nailed[i + 1]:
+                bands[3, row] = near[i]
+            if i < n - 2 and not nailed[i + 2]:
+                bands[6, row] = far[i]
+    return bands, right

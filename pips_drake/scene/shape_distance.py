@@ -251,3 +251,45 @@ def distances_to_groups(field, groups, count, points):
                 distance[i, b] = d
                 gradient[i, b, 0], gradient[i, b, 1], gradient[i, b, 2] = gx, gy, gz
     return distance, gradient
+
+
+@numba.njit(cache=True)
+def blended_to_groups(field, groups, count, points, blend, within):
+    """As `distances_to_groups`, without the leaps of the gradient where two shapes are as near.
+
+    Of a group's distances d_m: -blend ln(sum exp(-d_m / blend)), and its own gradient.
+
+    Args:
+        blend: m, > 0.
+        within: m; shapes whose ball is farther from a point are left out.
+    """
+    distance = np.full((points.shape[0], count), np.inf)
+    gradient = np.zeros((points.shape[0], count, 3))
+    total = np.empty(count)
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        total[:] = 0.0
+        for m in range(groups.shape[0]):
+            reach = within + field.radii[m]
+            cx, cy, cz = field.centres[m, 0] - x, field.centres[m, 1] - y, field.centres[m, 2] - z
+            if cx * cx + cy * cy + cz * cz > reach * reach:
+                continue
+            b = groups[m]
+            d, gx, gy, gz = distance_to_shape(field, m, x, y, z)
+            least = distance[i, b]
+            # Weights are kept relative to the least distance so far.
+            if d < least:
+                shrink = math.exp((d - least) / blend)  # 0 for the first
+                distance[i, b], share = d, 1.0
+            else:
+                shrink, share = 1.0, math.exp((least - d) / blend)
+            total[b] = shrink * total[b] + share
+            gradient[i, b, 0] = shrink * gradient[i, b, 0] + share * gx
+            gradient[i, b, 1] = shrink * gradient[i, b, 1] + share * gy
+            gradient[i, b, 2] = shrink * gradient[i, b, 2] + share * gz
+        for b in range(count):
+            if total[b] > 0.0:
+                distance[i, b] -= blend * math.log(total[b])
+                for k in range(3):
+                    gradient[i, b, k] /= total[b]
+    return distance, gradient

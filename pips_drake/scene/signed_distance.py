@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,7 @@ from pips_drake.scene.shape_distance import (
     HALF_SPACE,
     SPHERE,
     FieldArrays,
+    blended_to_groups,
     distances_many,
     distances_to_groups,
 )
@@ -133,17 +135,47 @@ class SignedDistanceField:
         Raises:
             InputError: as of `nearest`.
         """
-        bodies = self.bodies
-        groups = np.array([bodies.index(placed.body) for placed in self.shapes], dtype=np.int64)
         distances, gradients = distances_to_groups(
-            self.arrays, groups, len(bodies), _checked(points)
+            self.arrays, self._groups, len(self.bodies), _checked(points)
         )
         return distances, gradients
 
-    @property
+    def blended(self, points: ArrayLike, *, blend: float, within: float) -> tuple[Array, Array]:
+        """As `to_bodies`, smooth where two shapes of a body are as near: what slides needs that.
+
+        Args:
+            blend: m, over which shapes of a body are blended. A distance becomes smaller, by
+                `blend` ln(n) at most where n shapes are as near.
+            within: m, as far as distances are wanted. Shapes much farther are left out, and a body
+                with none nearer is infinitely far.
+
+        Raises:
+            InputError: as of `nearest`; or `blend` or `within` is not positive.
+        """
+        for name, value in (("blend", blend), ("within", within)):
+            if not value > 0.0:
+                raise InputError(f"{name} = {value} m; must be > 0")
+        distances, gradients = blended_to_groups(
+            self.arrays,
+            self._groups,
+            len(self.bodies),
+            _checked(points),
+            blend,
+            # Beyond, a shape's weight is below e^-20 of one at the limit.
+            within + 20.0 * blend,
+        )
+        return distances, gradients
+
+    @cached_property
     def bodies(self) -> tuple[str, ...]:
         """The bodies' names, in the order of their first shapes."""
         return tuple(dict.fromkeys(placed.body for placed in self.shapes))
+
+    @cached_property
+    def _groups(self) -> NDArray[np.int64]:
+        """Which body each shape belongs to, (M,)."""
+        bodies = self.bodies
+        return np.array([bodies.index(placed.body) for placed in self.shapes], dtype=np.int64)
 
     def label(self, index: int) -> str:
         """What a shape is called in messages: its body, and its name where that says more."""

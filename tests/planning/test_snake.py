@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from pips_drake.errors import InputError
@@ -25,6 +26,7 @@ from pips_drake.planning.snake import (
 from pips_drake.planning.snake_motion import settle
 
 SETTINGS = SnakeSettings(tension=2.0, bending_stiffness=0.05, spacing=0.1)
+COARSE = SnakeSettings(spacing=0.37 * (1.0 + 1e-12))
 REPULSION = Repulsion(strength=0.02, reach=0.4, clamp=0.02)
 INNER, OUTER = 1.8, 2.286
 
@@ -86,25 +88,30 @@ def test_the_force_of_the_field_is_the_numeric_gradient_of_its_energy():
         assert_allclose(force[:, axis], -(up - down) / (2.0 * step), rtol=1e-5, atol=1e-5)
 
 
-def test_a_step_solves_the_pentadiagonal_equations_that_a_dense_solver_solves():
+def test_a_step_solves_the_banded_equations_that_a_dense_solver_solves():
     rng = np.random.default_rng(5)
     for count, nails in ((7, []), (30, [4, 5, 17]), (3, []), (4, [])):
+        start = make_snake([[0.0, 0.0, 0.0], [0.37 * (count - 1), 0.0, 0.0]], COARSE)
         points = rng.normal(size=(count, 3))
         alpha, beta = rng.uniform(0.1, 2.0, count), rng.uniform(0.0, 1.0, count)
-        gain, force = rng.uniform(0.1, 3.0, count), rng.normal(size=(count, 3))
-        nailed = np.zeros(count, dtype=bool)
-        nailed[[0, -1, *nails]] = True
-        h = 0.37
+        nailed = start.nailed.copy()
+        nailed[nails] = True
+        snake = replace(start, points=points, nailed=nailed, tension=alpha, bending_stiffness=beta)
+        root, force = rng.normal(size=(count, 3, 3)), rng.normal(size=(count, 3))
+        blocks = root @ root.transpose(0, 2, 1)
+        felt = snake_motion._Felt(np.zeros((count, 1)), force, blocks, 0.0)
+        h, gain = 0.37, 0.3
         one = np.diff(np.eye(count), axis=0)
         two = np.diff(np.eye(count), n=2, axis=0)
         K = one.T @ np.diag(0.5 * (alpha[1:] + alpha[:-1]) / h**2) @ one
         K += two.T @ np.diag(beta[1:-1] / h**4) @ two
-        left = K + np.diag(gain)
-        right = gain[:, None] * points + force
-        left[nailed] = np.eye(count)[nailed]
-        right[nailed] = points[nailed]
-        expected = np.linalg.solve(left, right)
-        found = snake_motion._implicit_step(points, nailed, alpha, beta, h, gain, force)
+        G = block_diag(*(blocks + gain * np.eye(3)))
+        left, right = np.kron(K, np.eye(3)) + G, G @ points.ravel() + force.ravel()
+        fixed = np.repeat(nailed, 3)
+        left[fixed] = np.eye(3 * count)[fixed]
+        right[fixed] = points.ravel()[fixed]
+        expected = np.linalg.solve(left, right).reshape(-1, 3)
+        found = snake_motion._implicit_step(snake, felt, gain)
         # Condition numbers are below 1e4.
         assert_allclose(found, expected, rtol=0, atol=1e-11)
         assert_array_equal(found[nailed], points[nailed])
@@ -178,24 +185,23 @@ def test_the_operator_pulls_the_nearest_point_as_far_as_tension_gives():
     assert_allclose(done.snake.points[:, 1], expected, rtol=0, atol=1e-5)
 
 
-def test_twice_the_fields_stiffness_would_not_be_stable():
-    """The derivation's bound: a gain below half of U'' overshoots ever farther."""
-    n, h, c = 41, 0.1, 400.0
-    nailed = np.zeros(n, dtype=bool)
-    nailed[[0, -1]] = True
-    weak = np.full(n, 1e-3)
-    for share, grows in ((0.45, True), (0.55, False), (1.0, False)):
-        points = np.zeros((n, 3))
-        points[:, 0] = h * np.arange(n)
-        points[1:-1, 1] = 1e-3 * np.sin(np.arange(1, n - 1) * 2.0)
-        start = np.abs(points[:, 1]).max()
-        for _ in range(60):
-            force = np.zeros((n, 3))
-            force[:, 1] = -c * points[:, 1]
-            points = snake_motion._implicit_step(
-                points, nailed, weak, 0.0 * weak, h, np.full(n, share * c), force
-            )
-        assert (np.abs(points[:, 1]).max() > start) == grows
+@pytest.mark.parametrize(("share", "grows"), [(0.45, True), (0.55, False), (1.0, False)])
+def test_a_gain_below_half_of_the_fields_stiffness_is_not_stable(share, grows):
+    """The derivation's bound: it overshoots ever farther."""
+    stiffness = 400.0
+    snake = make_snake([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]], replace(SETTINGS, tension=0.01))
+    n = len(snake.points)
+    points = snake.points.copy()
+    points[1:-1, 1] = 1e-3 * np.sin(np.arange(1, n - 1) * 2.0)
+    snake = replace(snake, points=points, bending_stiffness=np.zeros(n))
+    blocks = np.zeros((n, 3, 3))
+    blocks[:, 1, 1] = share * stiffness
+    for _ in range(60):
+        force = np.zeros((n, 3))
+        force[:, 1] = -stiffness * snake.points[:, 1]
+        felt = snake_motion._Felt(np.zeros((n, 1)), force, blocks, 0.0)
+        snake = replace(snake, points=snake_motion._implicit_step(snake, felt, 1e-3))
+    assert (np.abs(snake.points[:, 1]).max() > np.abs(points[:, 1]).max()) == grows
 
 
 def test_points_are_inserted_and_deleted_only_outside_the_band():

@@ -251,6 +251,51 @@ def test_distances_to_bodies_are_those_of_each_body_alone():
         np.testing.assert_array_equal(gradients[:, i], alone.gradients)
 
 
+def test_blended_distances_are_smooth_and_little_smaller():
+    rng = np.random.default_rng(13)
+    shapes = [
+        PlacedShape(f"body_{i % 2}", "", random_shape(rng, "Box"), random_pose(rng))
+        for i in range(12)
+    ]
+    field = SignedDistanceField.of(shapes)
+    points, blend, step = rng.uniform(-2.0, 2.0, (500, 3)), 0.05, 1e-6
+    there, gradients = field.blended(points, blend=blend, within=10.0)
+    exact, _ = field.to_bodies(points)
+    assert (there <= exact).all()
+    assert (exact - there <= blend * np.log(6.0)).all()
+    for axis in range(3):
+        shift = step * np.eye(3)[axis]
+        up, down = (field.blended(points + s, blend=blend, within=10.0)[0] for s in (shift, -shift))
+        # Boxes' distances have creases of their own inside and at their edges' regions: curvature
+        # there is up to 1 / distance.
+        slope = (up - down) / (2.0 * step)
+        good = np.abs(slope - gradients[:, :, axis]) < 1e-5
+        assert good[exact > 0.0].all()
+
+
+def test_between_two_shapes_that_are_as_near_the_blended_gradient_does_not_leap():
+    shapes = [
+        PlacedShape("body", "", Sphere(1.0), RigidTransform([x, 0.0, 0.0])) for x in (-2.0, 2.0)
+    ]
+    x = np.linspace(-0.01, 0.01, 201)
+    points = np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+    field = SignedDistanceField.of(shapes)
+    assert np.abs(np.diff(field.to_bodies(points)[1][:, 0, 0])).max() == pytest.approx(2.0)
+    # The share's slope is at most 1 / (2 blend) a metre, so steps of 0.1 mm change it by 1 %.
+    there = field.blended(points, blend=0.01, within=5.0)[1][:, 0, 0]
+    assert np.abs(np.diff(there)).max() < 0.011
+
+
+def test_what_is_farther_than_wanted_is_left_out():
+    field = single(Sphere(0.5))
+    distances, gradients = field.blended([[5.0, 0.0, 0.0]], blend=0.01, within=1.0)
+    assert np.isinf(distances).all()
+    assert (gradients == 0.0).all()
+    for wrong in ({"blend": 0.0, "within": 1.0}, {"blend": 0.1, "within": np.nan}):
+        with pytest.raises(InputError, match="must be > 0"):
+            field.blended([[5.0, 0.0, 0.0]], **wrong)
+
+
 def test_nothing_is_infinitely_far():
     found = SignedDistanceField.of([]).nearest(np.zeros((2, 3)))
     assert np.isinf(found.distances).all()
