@@ -107,7 +107,7 @@ def settle(
         energies.append(after.energy)
         # A small step at a large gain says nothing.
         small = float(np.abs(points - snake.points).max()) <= tolerance
-        stable = small and gain <= _GROWTH * floor
+        stable = bool(small and gain <= _GROWTH * floor)
         gain = max(gain * _SHRINK, floor)
         snake, felt = moved, after
         spaced = keep_spacing(snake)

@@ -76,7 +76,7 @@ class TipPathSource(LeafSystem):
     Args:
         path: the path.
         profile: travel from the path's home, against time.
-        dwell: time at the end of the path, s.
+        dwell: time at the end of the path before the way back, s; without that, the end is the end.
         retract: whether to come back after the dwell without being told.
         hold_ramp: time to come to a hold, s.
         period: s.
@@ -146,7 +146,7 @@ class TipPathSource(LeafSystem):
         if phase == DWELLING and command == RUN:
             dwell -= self._period
             if dwell <= 0.0:
-                phase = RETRACTING if self._retract else DONE
+                phase = RETRACTING
         if command == RETRACT and (phase < RETRACTING or time > 0.0):
             phase = RETRACTING
         if command == EXTEND and (phase == RETRACTING or (phase == DONE and time < end)):
@@ -158,7 +158,7 @@ class TipPathSource(LeafSystem):
         new_rate = rate + min(max(wanted - rate, -self._rate_step), self._rate_step)
         time = min(max(time + 0.5 * (rate + new_rate) * self._period, 0.0), end)
         if phase == EXTENDING and time >= end:
-            new_rate, phase = 0.0, DWELLING
+            new_rate, phase = 0.0, DWELLING if self._retract else DONE
         elif phase == RETRACTING and time <= 0.0:
             new_rate, phase = 0.0, DONE
         after = values.get_mutable_vector(self._state)

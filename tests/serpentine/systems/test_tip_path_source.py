@@ -122,11 +122,12 @@ def test_the_tip_moves_as_the_profile_says(path, profile):
     np.testing.assert_array_equal(rows[:, 2], expected[:, 1])
 
 
-def test_without_retraction_it_stays_at_the_end(path, profile):
-    source = TipPathSource(path, profile, dwell=0.5, retract=False)
+def test_without_retraction_it_is_done_at_the_end_whatever_the_dwell(path, profile):
+    source = TipPathSource(path, profile, dwell=60.0, retract=False)
     assert source.duration == profile.duration
     rows = run(source, source.duration + 1.0)
     np.testing.assert_array_equal(rows[-1, 1:], [path.length, 0.0, DONE])
+    assert not (rows[:, 3] == DWELLING).any()
 
 
 @pytest.mark.parametrize("ramp", [0.25, 1.0])
@@ -156,7 +157,7 @@ def test_a_hold_and_a_resume_end_where_an_undisturbed_run_does(path, profile):
     rows = run(TipPathSource(path, profile, retract=False), 15.0, [(2.0, HOLD), (5.0, RUN)])
     np.testing.assert_array_equal(rows[-1, 1:], [path.length, 0.0, DONE])
     # Half a second is lost in each ramp of 1 s, and the 2 s between them.
-    late = rows[np.argmax(rows[:, 3] == DWELLING), 0] - profile.duration
+    late = rows[np.argmax(rows[:, 3] == DONE), 0] - profile.duration
     assert late == pytest.approx(3.0, abs=2.0 * PERIOD)
 
 
