@@ -22,7 +22,8 @@ import math
 import numba
 import numpy as np
 
-from pips_drake.planning.grid import BLOCKED, FREE, INNER, STEPS, Cells
+from pips_drake.planning.grid import STEPS, Cells
+from pips_drake.planning.occupancy import BLOCKED, FREE, INNER
 
 # Of cells with equal sums the one nearer to the goal goes first. Costs are right to this share.
 _EAGER = 1.0 + 1e-12

@@ -1,14 +1,9 @@
-"""A workspace cut into cells: which of them the middle of an arm may visit.
+"""A workspace cut into cells, in Cartesian or in unfolded coordinates.
 
 A cell stands for its centre, and a path on the grid is the polyline through the centres of cells
 that touch (by a face, an edge or a corner: 26 neighbours), whatever the coordinates are. So the
 cost of a step is the straight distance between two centres in the world, in unfolded coordinates
 too, and a path's cost is its length in metres.
-
-Obstacles are grown by the arm's radius r. Along a step of length L between two centres, both at
-distance d from every obstacle, no point is nearer to one than sqrt(d^2 - L^2 / 4): so a cell is
-free where d >= sqrt(r^2 + L^2 / 4) with the longest step L of the grid. Then every step, not only
-every centre, keeps the radius, and what is lost of narrow gaps is second order in the cells' size.
 
 Unfolded coordinates (along, around, out) are cylindrical ones, named after CMU-92's view of the gap
 between payload and cargo bay "unfolded into a surface": along the axis (m), around it (rad), out
@@ -27,8 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
-from pips_drake.scene.shape_distance import distance_to_shape, least_distance
-from pips_drake.scene.signed_distance import SignedDistanceField
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -44,12 +37,8 @@ STEPS = np.array(
     ],
     dtype=np.int64,
 )
-#: States of cells in `Occupancy.padded`.
-BLOCKED, FREE, INNER = 0, 1, 2
 #: More cells than this do not fit into the memory of a small machine: a search takes 10 bytes each.
 MOST_CELLS = 100_000_000
-# Cells along each side of blocks that are looked at together.
-_BLOCK, _SMALL_BLOCK = 8, 2
 
 
 class GridArrays(NamedTuple):
@@ -201,43 +190,6 @@ class Grid:
         return float(self.step_costs[there].max())
 
 
-@dataclass(frozen=True, eq=False)
-class Occupancy:
-    """Which cells of a grid are free for the middle of an arm.
-
-    Attributes:
-        grid: the cells.
-        field: the obstacles.
-        radius: of the arm, with whatever margin is wanted, m.
-        padded: `BLOCKED`, `FREE`, or `INNER` where all neighbours are free too; with a border of
-            one blocked cell, (shape[0] + 2, shape[1] + 2, shape[2] + 2).
-    """
-
-    grid: Grid
-    field: SignedDistanceField
-    radius: float
-    padded: NDArray[np.uint8]
-
-    @staticmethod
-    def of(field: SignedDistanceField, grid: Grid, radius: float) -> Occupancy:
-        """Looks at all cells; see the module's docstring for which are free.
-
-        Raises:
-            InputError: the radius is not positive.
-        """
-        if not (math.isfinite(radius) and radius > 0.0):
-            raise InputError(f"arm's radius = {radius} m; must be > 0")
-        enough = math.hypot(radius, 0.5 * grid.longest_step)
-        padded = _fill(grid.arrays, field.arrays, enough)
-        _mark_inner(padded)
-        return Occupancy(grid=grid, field=field, radius=radius, padded=padded)
-
-    @property
-    def free(self) -> NDArray[np.bool_]:
-        """Which cells are free, of the grid's shape."""
-        return self.padded[1:-1, 1:-1, 1:-1] != BLOCKED
-
-
 @numba.njit(cache=True)
 def grid_to_world(grid, q0, q1, q2):
     """`Grid.to_world` of one point."""
@@ -260,117 +212,3 @@ def cell_centre(grid, i, j, k):
         grid.lower[1] + (j + 0.5) * grid.spacing[1],
         grid.lower[2] + (k + 0.5) * grid.spacing[2],
     )
-
-
-@numba.njit(cache=True)
-def _judge(grid, field, low, high, enough, chosen, count, near):
-    """Whether a block of cells is free (1), not free (0), or has to be looked at closely (2).
-
-    A signed distance changes by no more than the way walked: where the block's middle is far enough
-    from an obstacle, or deep enough in one, so are all its cells; and only shapes about as near to
-    its middle as the nearest one can be nearest to any of them. Of the `chosen` shapes these are
-    written to `near`.
-
-    Args:
-        low, high: the first cell of the block and the first beyond it, along each axis.
-
-    Returns:
-        The verdict, and the number of near shapes.
-    """
-    h = grid.spacing
-    x, y, z = cell_centre(
-        grid,
-        0.5 * (low[0] + high[0] - 1),
-        0.5 * (low[1] + high[1] - 1),
-        0.5 * (low[2] + high[2] - 1),
-    )
-    a = 0.5 * (high[0] - low[0] - 1) * h[0]
-    b = 0.5 * (high[1] - low[1] - 1) * h[1]
-    c = 0.5 * (high[2] - low[2] - 1) * h[2]
-    if grid.unfolded:
-        # No way from the middle is longer than out, and around on the outermost cells.
-        reach = math.sqrt(a * a + (c + (grid.lower[2] + high[2] * h[2]) * b) ** 2)
-    else:
-        reach = math.sqrt(a * a + b * b + c * c)
-    reach *= 1.0 + 1e-9
-    least = np.inf
-    distances = np.empty(count)
-    for n in range(count):
-        distances[n], _, _, _ = distance_to_shape(field, chosen[n], x, y, z)
-        least = min(least, distances[n])
-    if least - reach >= enough:
-        return 1, 0
-    if least + reach < enough:
-        return 0, 0
-    kept = 0
-    for n in range(count):
-        if distances[n] <= least + 2.0 * reach:
-            near[kept] = chosen[n]
-            kept += 1
-    return 2, kept
-
-
-@numba.njit(cache=True)
-def _fill(grid, field, enough):
-    """The padded occupancy, looked at in blocks, smaller ones, and cells where that is needed."""
-    shape = grid.shape
-    free = np.zeros((shape[0] + 2, shape[1] + 2, shape[2] + 2), dtype=np.uint8)
-    shapes = field.kinds.shape[0]
-    every = np.arange(shapes)
-    near, nearest = np.empty(shapes, dtype=np.int64), np.empty(shapes, dtype=np.int64)
-    for i in range(0, shape[0], _BLOCK):
-        for j in range(0, shape[1], _BLOCK):
-            for k in range(0, shape[2], _BLOCK):
-                low = (i, j, k)
-                high = (
-                    min(i + _BLOCK, shape[0]),
-                    min(j + _BLOCK, shape[1]),
-                    min(k + _BLOCK, shape[2]),
-                )
-                verdict, count = _judge(grid, field, low, high, enough, every, shapes, near)
-                if verdict == 1:
-                    free[i + 1 : high[0] + 1, j + 1 : high[1] + 1, k + 1 : high[2] + 1] = FREE
-                elif verdict == 2:
-                    _fill_block(grid, field, enough, low, high, near, count, nearest, free)
-    return free
-
-
-@numba.njit(cache=True)
-def _fill_block(grid, field, enough, low, high, near, count, nearest, free):
-    for i0 in range(low[0], high[0], _SMALL_BLOCK):
-        i1 = min(i0 + _SMALL_BLOCK, high[0])
-        for j0 in range(low[1], high[1], _SMALL_BLOCK):
-            j1 = min(j0 + _SMALL_BLOCK, high[1])
-            for k0 in range(low[2], high[2], _SMALL_BLOCK):
-                k1 = min(k0 + _SMALL_BLOCK, high[2])
-                verdict, few = _judge(
-                    grid, field, (i0, j0, k0), (i1, j1, k1), enough, near, count, nearest
-                )
-                if verdict == 0:
-                    continue
-                for i in range(i0, i1):
-                    for j in range(j0, j1):
-                        for k in range(k0, k1):
-                            if verdict == 2:
-                                x, y, z = cell_centre(grid, i, j, k)
-                                d, _, _, _, _ = least_distance(field, x, y, z, nearest, few)
-                                if d < enough:
-                                    continue
-                            free[i + 1, j + 1, k + 1] = FREE
-
-
-@numba.njit(cache=True)
-def _mark_inner(padded):
-    """Marks free cells whose 26 neighbours are free."""
-    n0, n1, n2 = padded.shape
-    for i in range(1, n0 - 1):
-        for j in range(1, n1 - 1):
-            free_columns = 0  # in a row, so far
-            for k in range(n2):
-                column = True
-                for di in range(-1, 2):
-                    for dj in range(-1, 2):
-                        column = column and padded[i + di, j + dj, k] != BLOCKED
-                free_columns = free_columns + 1 if column else 0
-                if free_columns >= 3:
-                    padded[i, j, k - 1] = INNER

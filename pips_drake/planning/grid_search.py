@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.planning.a_star import CLOSED, ONWARD, search, walk_back
-from pips_drake.planning.grid import BLOCKED, STEPS, Cells, Occupancy, cell_centre
+from pips_drake.planning.grid import STEPS, Cells, cell_centre
 from pips_drake.planning.line_of_sight import segment_blocked
+from pips_drake.planning.occupancy import BLOCKED, Occupancy
 
 Array = NDArray[np.float64]
 

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError, NotFollowableError
-from pips_drake.planning.grid import Occupancy
 from pips_drake.planning.grid_search import NoPathError, find_path, nearest_free_cells
+from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.string_pull import pull
 
 Array = NDArray[np.float64]

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform
+from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from pips_drake.errors import InputError
-from pips_drake.planning.grid import STEPS, Grid, Occupancy
+from pips_drake.planning.grid import STEPS, Grid
+from pips_drake.planning.occupancy import BLOCKED, INNER, Occupancy
 from pips_drake.scene.packages import find_scene_file
 from pips_drake.scene.signed_distance import (
     PlacedShape,
@@ -89,6 +91,38 @@ def test_cells_are_free_where_every_step_from_them_keeps_the_radius(grid):
     a, b = grid.centres(a[both]), grid.centres(b[both])
     least = min(field.distances(a + t * (b - a)).min() for t in np.linspace(0.0, 1.0, 11))
     assert least >= 0.15 - 1e-12
+
+
+@pytest.mark.parametrize(
+    "grid", [cartesian(), unfolded(), unfolded(lower=[-2.0, 1.0, 0.4], upper=[3.0, 5.0, 1.5])]
+)
+def test_obstacles_that_come_move_and_go_leave_the_same_cells_as_looking_at_all(grid):
+    rng = np.random.default_rng(7)
+    field = random_field(rng, 30)
+    occupancy = Occupancy.of(field, grid, 0.1)
+    changed = 0
+    for i in range(25):
+        before = occupancy.padded
+        field = occupancy.field.without_body(str(rng.choice(occupancy.field.bodies)))
+        new = random_field(rng, 1).shapes[0]
+        X_WG = RigidTransform(
+            new.X_WG.rotation(), grid.to_world([rng.uniform(grid.lower, grid.upper)])[0]
+        )
+        if rng.random() < 0.8:
+            field = field.with_shapes([PlacedShape(f"new_{i}", "", new.shape, X_WG)])
+        occupancy = occupancy.updated(field)
+        np.testing.assert_array_equal(occupancy.padded, Occupancy.of(field, grid, 0.1).padded)
+        changed += not np.array_equal(before, occupancy.padded)
+    assert changed > 5
+    assert occupancy.updated(field).field is field
+
+
+def test_inner_cells_are_those_among_free_ones_alone():
+    occupancy = Occupancy.of(random_field(np.random.default_rng(8)), cartesian(), 0.1)
+    free = occupancy.padded != BLOCKED
+    expected = binary_erosion(free, np.ones((3, 3, 3)))
+    assert 0.05 < expected.mean() < 0.9
+    np.testing.assert_array_equal(occupancy.padded == INNER, expected)
 
 
 def test_cells_of_the_cargo_bay_are_those_that_distances_say():

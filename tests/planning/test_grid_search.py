@@ -13,8 +13,9 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import Rotation
 
 from pips_drake.errors import InputError
-from pips_drake.planning.grid import Grid, Occupancy
+from pips_drake.planning.grid import Grid
 from pips_drake.planning.grid_search import NoPathError, find_path, find_path_from_any
+from pips_drake.planning.occupancy import Occupancy
 from pips_drake.scene.packages import find_scene_file
 from pips_drake.scene.signed_distance import (
     PlacedShape,

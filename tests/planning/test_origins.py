@@ -10,8 +10,9 @@ from pydrake.geometry import Box
 from pydrake.math import RigidTransform
 
 from pips_drake.errors import InputError, NotFollowableError
-from pips_drake.planning.grid import Grid, Occupancy
+from pips_drake.planning.grid import Grid
 from pips_drake.planning.grid_search import NoPathError
+from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.origins import SAME_LENGTH, OriginRule, extend
 from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
 

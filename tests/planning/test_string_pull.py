@@ -10,9 +10,9 @@ from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 
 from pips_drake.errors import InputError
-from pips_drake.planning.grid import Occupancy
 from pips_drake.planning.grid_search import find_path
 from pips_drake.planning.line_of_sight import TOLERANCE
+from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.string_pull import SHARP, pull
 from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
 
