@@ -31,6 +31,8 @@ class FieldArrays(NamedTuple):
         sizes: (M, 3) m. Sphere: radius; box: half lengths; cylinder, capsule: radius, half length;
             ellipsoid: half axes.
         rotations, positions: poses of the shapes in the world, (M, 3, 3), (M, 3) m.
+        extents: half lengths of a box around each shape in its own frame, centred there, (M, 3) m;
+            infinite for half spaces and convex meshes.
         centres, radii: a ball in the world around each shape, (M, 3) m, (M,) m; a half space's is
             infinite.
         planes: of convex meshes' faces, (P, 4): inside, n . x + d <= 0; in the shape's frame.
@@ -42,6 +44,7 @@ class FieldArrays(NamedTuple):
     sizes: NDArray[np.float64]
     rotations: NDArray[np.float64]
     positions: NDArray[np.float64]
+    extents: NDArray[np.float64]
     centres: NDArray[np.float64]
     radii: NDArray[np.float64]
     planes: NDArray[np.float64]
@@ -164,35 +167,54 @@ def _convex_distance(x, y, z, planes, triangles, first, last):
 
 
 @numba.njit(cache=True)
+def _in_shape(field, m, x, y, z):
+    """A point of the world in the frame of shape m."""
+    R, p = field.rotations[m], field.positions[m]
+    dx, dy, dz = x - p[0], y - p[1], z - p[2]
+    return (
+        R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
+        R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
+        R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
+    )
+
+
+@numba.njit(cache=True)
+def _rotated(R, x, y, z):
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
+
+
+@numba.njit(cache=True)
+def _distance_in_shape(field, m, x, y, z):
+    """Signed distance and gradient of a point to shape m, all in the shape's frame."""
+    size, kind = field.sizes[m], field.kinds[m]
+    if kind == BOX:
+        return _box_distance(x, y, z, size[0], size[1], size[2])
+    if kind == CYLINDER:
+        return _cylinder_distance(x, y, z, size[0], size[1])
+    if kind == SPHERE:
+        return _round_distance(x, y, z, size[0])
+    if kind == CAPSULE:
+        return _capsule_distance(x, y, z, size[0], size[1])
+    if kind == HALF_SPACE:
+        return z, 0.0, 0.0, 1.0
+    if kind == ELLIPSOID:
+        return _ellipsoid_distance(x, y, z, size[0], size[1], size[2])
+    return _convex_distance(
+        x, y, z, field.planes, field.triangles, field.starts[m], field.starts[m + 1]
+    )
+
+
+@numba.njit(cache=True)
 def distance_to_shape(field, m, x, y, z):
     """Signed distance of a point in the world to shape m, and its gradient in the world."""
-    R, p, size, kind = field.rotations[m], field.positions[m], field.sizes[m], field.kinds[m]
-    dx, dy, dz = x - p[0], y - p[1], z - p[2]
-    lx = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-    ly = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-    lz = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-    if kind == BOX:
-        d, gx, gy, gz = _box_distance(lx, ly, lz, size[0], size[1], size[2])
-    elif kind == CYLINDER:
-        d, gx, gy, gz = _cylinder_distance(lx, ly, lz, size[0], size[1])
-    elif kind == SPHERE:
-        d, gx, gy, gz = _round_distance(lx, ly, lz, size[0])
-    elif kind == CAPSULE:
-        d, gx, gy, gz = _capsule_distance(lx, ly, lz, size[0], size[1])
-    elif kind == HALF_SPACE:
-        d, gx, gy, gz = lz, 0.0, 0.0, 1.0
-    elif kind == ELLIPSOID:
-        d, gx, gy, gz = _ellipsoid_distance(lx, ly, lz, size[0], size[1], size[2])
-    else:
-        d, gx, gy, gz = _convex_distance(
-            lx, ly, lz, field.planes, field.triangles, field.starts[m], field.starts[m + 1]
-        )
-    return (
-        d,
-        R[0, 0] * gx + R[0, 1] * gy + R[0, 2] * gz,
-        R[1, 0] * gx + R[1, 1] * gy + R[1, 2] * gz,
-        R[2, 0] * gx + R[2, 1] * gy + R[2, 2] * gz,
-    )
+    lx, ly, lz = _in_shape(field, m, x, y, z)
+    d, gx, gy, gz = _distance_in_shape(field, m, lx, ly, lz)
+    gx, gy, gz = _rotated(field.rotations[m], gx, gy, gz)
+    return d, gx, gy, gz
 
 
 @numba.njit(cache=True)
@@ -211,9 +233,15 @@ def least_distance(field, x, y, z, chosen, count):
         cx, cy, cz = field.centres[m, 0] - x, field.centres[m, 1] - y, field.centres[m, 2] - z
         if reach < 0.0 or cx * cx + cy * cy + cz * cz > reach * reach:
             continue
-        d, hx, hy, hz = distance_to_shape(field, m, x, y, z)
+        lx, ly, lz = _in_shape(field, m, x, y, z)
+        extent = field.extents[m]
+        if abs(lx) - extent[0] > best or abs(ly) - extent[1] > best or abs(lz) - extent[2] > best:
+            continue
+        d, hx, hy, hz = _distance_in_shape(field, m, lx, ly, lz)
         if d < best:
             best, shape, gx, gy, gz = d, m, hx, hy, hz
+    if shape >= 0:
+        gx, gy, gz = _rotated(field.rotations[shape], gx, gy, gz)
     return best, gx, gy, gz, shape
 
 

@@ -269,6 +269,7 @@ def _arrays_of(shapes: Sequence[PlacedShape]) -> FieldArrays:
     count = len(shapes)
     kinds, sizes = np.zeros(count, dtype=np.int64), np.zeros((count, 3))
     rotations, positions = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    extents = np.full((count, 3), np.inf)
     centres, radii = np.zeros((count, 3)), np.zeros(count)
     planes, triangles, starts = [np.zeros((0, 4))], [np.zeros((0, 3, 3))], [0]
     for i, placed in enumerate(shapes):
@@ -291,13 +292,14 @@ def _arrays_of(shapes: Sequence[PlacedShape]) -> FieldArrays:
             centres[i] = positions[i] + rotations[i] @ middle
             radii[i] = np.linalg.norm(hull.vertices - middle, axis=1).max()
         else:
-            sizes[i], radii[i] = _size_and_radius(placed.shape)
+            sizes[i], extents[i], radii[i] = _measures(placed.shape)
         starts.append(starts[-1] + faces)
     return FieldArrays(
         kinds=kinds,
         sizes=sizes,
         rotations=rotations,
         positions=positions,
+        extents=extents,
         centres=centres,
         # Rounding must not hide a shape that touches its ball.
         radii=radii * (1.0 + 1e-12),
@@ -307,21 +309,25 @@ def _arrays_of(shapes: Sequence[PlacedShape]) -> FieldArrays:
     )
 
 
-def _size_and_radius(shape: Shape) -> tuple[tuple[float, float, float], float]:
-    """The measures that `FieldArrays.sizes` wants, and the radius of a ball around the shape, m."""
+def _measures(
+    shape: Shape,
+) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
+    """What `FieldArrays.sizes` and `extents` want, and the radius of a ball around the shape, m."""
     kind = type(shape).__name__
     if kind == "Sphere":
-        return (shape.radius(), 0.0, 0.0), shape.radius()
+        radius = shape.radius()
+        return (radius, 0.0, 0.0), (radius, radius, radius), radius
     if kind == "Box":
         half = (0.5 * shape.width(), 0.5 * shape.depth(), 0.5 * shape.height())
-        return half, float(np.linalg.norm(half))
-    if kind == "Cylinder":
+        return half, half, float(np.linalg.norm(half))
+    if kind in ("Cylinder", "Capsule"):
         radius, half_length = shape.radius(), 0.5 * shape.length()
-        return (radius, half_length, 0.0), float(np.hypot(radius, half_length))
-    if kind == "Capsule":
-        radius, half_length = shape.radius(), 0.5 * shape.length()
-        return (radius, half_length, 0.0), radius + half_length
+        if kind == "Cylinder":
+            top, ball = half_length, float(np.hypot(radius, half_length))
+        else:
+            top = ball = half_length + radius
+        return (radius, half_length, 0.0), (radius, radius, top), ball
     if kind == "Ellipsoid":
         axes = (shape.a(), shape.b(), shape.c())
-        return axes, max(axes)
-    return (0.0, 0.0, 0.0), np.inf  # a half space
+        return axes, axes, max(axes)
+    return (0.0, 0.0, 0.0), (np.inf, np.inf, np.inf), np.inf  # a half space
