@@ -80,10 +80,10 @@ def draw(seed: int) -> Draw:
     if kind == "segment_length":
         fault["segment"] = int(rng.integers(1, 9))
     if kind == "payload_displaced":
-        if hard:  # where the hand comes to it
-            start = float(rng.uniform(30.0, LATEST_START))
-        nearest = (100.0, 500.0) if hard else (0.0, 200.0)
-        low, high = [-200.0, nearest[0], -200.0], [200.0, nearest[1], 200.0]
+        if hard:  # the hand comes to it within the run
+            start = float(rng.uniform(42.0, LATEST_START))
+        aside, nearest = (100.0, (200.0, 500.0)) if hard else (200.0, (0.0, 200.0))
+        low, high = [-aside, nearest[0], -aside], [aside, nearest[1], aside]
         fault |= {"body": "payload::payload", "offset_mm": rng.uniform(low, high).tolist()}
     if kind == "disturbance":
         # The pallet's wall is along +y, the payload along -y.

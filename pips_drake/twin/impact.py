@@ -57,7 +57,7 @@ class Impact:
     @property
     def energy(self) -> float:
         """Kinetic energy along the normal, J; 0 when nothing closes in."""
-        return 0.5 * self.impulse * max(self.closing_speed, 0.0)
+        return 0.5 * self.impulse * self.closing_speed if self.closing_speed > 0.0 else 0.0
 
     @property
     def impulse(self) -> float:
@@ -121,6 +121,7 @@ def find_impact(plant: MultibodyPlant, context: Context, nearest: LeastDistance)
         pair=nearest.pair,
         point=nearest.points.mean(axis=0),
         normal=np.array(nearest.normal),
-        closing_speed=-float(along @ plant.GetVelocities(context)),
+        # Not minus zero where nothing moves.
+        closing_speed=0.0 - float(along @ plant.GetVelocities(context)),
         effective_mass=1.0 / mobility if mobility > 0.0 else math.inf,
     )
