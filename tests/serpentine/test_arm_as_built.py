@@ -162,14 +162,7 @@ def test_a_run_says_where_the_real_tip_is_and_what_the_real_actuators_do(report_
     made = scenario(faults=[SEGMENT, ANCHOR], duration_s=0.125)
     setup = load_setup(made)
     data = run_station(made, setup).data
-    found = Assessment(
-        arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
-        checks=made.checks,
-        data=data,
-        clearance_range=made.clearance_range_m,
-    )
+    found = Assessment.of(made, setup, data)
     longer = table_a1.copy()
     longer[7, 1] += 15e-3
     error = [

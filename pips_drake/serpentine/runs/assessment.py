@@ -20,7 +20,8 @@ from pips_drake.serpentine.drives import (
 )
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.plan import joint_margins, posture_deviation
-from pips_drake.serpentine.scenario import CheckConfig
+from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
+from pips_drake.serpentine.station import SerpentineSetup
 from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.units import DEGREE
 
@@ -77,6 +78,18 @@ class Assessment:
     checks: CheckConfig
     data: RunData
     clearance_range: float
+
+    @staticmethod
+    def of(scenario: SerpentineScenario, setup: SerpentineSetup, data: RunData) -> Assessment:
+        """Of a scenario's run."""
+        return Assessment(
+            arm=setup.arm,
+            path=setup.path,
+            solver=setup.solver,
+            checks=scenario.checks,
+            data=data,
+            clearance_range=scenario.clearance_range_m,
+        )
 
     @property
     def built(self) -> SerpentineArm:

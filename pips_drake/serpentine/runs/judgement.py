@@ -51,14 +51,7 @@ def judge_run(
         proofs: the folder for `proof_commanded.npz` and `proof_simulated.npz`.
         commanded: whether to certify the commanded motion too, which no verdict depends on.
     """
-    assessment = Assessment(
-        arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
-        checks=scenario.checks,
-        data=run.data,
-        clearance_range=scenario.clearance_range_m,
-    )
+    assessment = Assessment.of(scenario, setup, run.data)
     summary, failures = assessment.summary(), assessment.failures()
     placed = None
     if scenario.certificate.enabled or run.steps is not None:

@@ -191,11 +191,4 @@ def _uncompensated(scenario: SerpentineScenario, setup: SerpentineSetup) -> Asse
     other.motion.retract = False
     other.faults = []
     run = run_station(other, setup, label="simulating without compensation")
-    return Assessment(
-        arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
-        checks=scenario.checks,
-        data=run.data,
-        clearance_range=scenario.clearance_range_m,
-    )
+    return Assessment.of(scenario, setup, run.data)

@@ -202,14 +202,7 @@ def _run(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         failures, found = list(plan.failures), {}
     else:
         run = run_station(scenario, setup, lcm=DrakeLcm("memq://"))
-        assessment = Assessment(
-            arm=setup.arm,
-            path=setup.path,
-            solver=setup.solver,
-            checks=scenario.checks,
-            data=run.data,
-            clearance_range=scenario.clearance_range_m,
-        )
+        assessment = Assessment.of(scenario, setup, run.data)
         failures, found = assessment.failures(), assessment.summary()
     numbers |= {name: found[name] for name in COLUMNS if name in found}
     # Beyond its reach, a monitor says no more than that.

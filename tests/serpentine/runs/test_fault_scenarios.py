@@ -71,14 +71,7 @@ def test_a_fault_is_noticed_and_the_run_ends_at_rest_and_clear(arm, name):
     # Without the fault nothing of it would happen: the supervisor leaves a sound run alone.
     assert np.all(found.log.modes[found.log.time < first] == Mode.PERMIT)
     # Whether it was noticed or not, the verdict says what was wrong.
-    judged = Assessment(
-        arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
-        checks=scenario.checks,
-        data=run.data,
-        clearance_range=scenario.clearance_range_m,
-    )
+    judged = Assessment.of(scenario, setup, run.data)
     assert found.failures() + judged.failures()
 
 

@@ -154,14 +154,7 @@ def test_the_simulated_arm_stays_within_its_drives_limits(path):
     scenario.motion.profile, scenario.motion.dwell_s = "fastest", 1.0
     setup = load_setup(scenario)
     run = run_station(scenario, setup)
-    found = Assessment(
-        arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
-        checks=scenario.checks,
-        data=run.data,
-        clearance_range=scenario.clearance_range_m,
-    )
+    found = Assessment.of(scenario, setup, run.data)
     assert found.failures() == []
     # It is that fast, and not faster.
     assert 0.94 < found.speed_fractions.max() <= 1.0
