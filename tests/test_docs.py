@@ -64,6 +64,13 @@ def test_the_tutorial_runs_and_prints_what_it_promises(capsys, tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == [], "the tutorial leaves nothing behind"
 
 
+def test_the_example_of_planning_makes_a_plan_that_the_arm_can_follow(capsys):
+    page = (DOCS / "planning.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    exec(compile(example, "planning.md", "exec"), {})  # noqa: S102
+    assert capsys.readouterr().out == "True ()\n"
+
+
 @pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda file: file.name)
 def test_links_of_the_documents_lead_somewhere(page):
     for target in re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text(encoding="utf-8")):
