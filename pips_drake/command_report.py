@@ -66,7 +66,7 @@ SIMULATE_LINES: tuple[Line, ...] = (
 def report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False) -> int:
     """Prints a verdict for a person; returns the exit code."""
     summary = verdict.summary
-    print(f"{summary.get('path', '')}: {verdict.word.upper()}")
+    print(f"{summary.get('scenario') or summary.get('path', '')}: {verdict.word.upper()}")
     for failure in verdict.failures:
         print(f"  {failure}")
     for key, words, factor, unit in lines:

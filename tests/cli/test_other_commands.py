@@ -48,7 +48,7 @@ def simulated(pips: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
 def test_a_simulation_passes_and_says_where_to_look(simulated):
     outcome, folder = simulated
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith("trajectory_4_arcs: PASS\n")
+    assert outcome.out.startswith("trajectory_4: PASS\n")
     assert str(Path("out") / "trajectory_4") in outcome.out
     assert "(only the first 2 s of the run)" in outcome.out
     assert [entry.name for entry in folder.parent.iterdir()] == [folder.name]
