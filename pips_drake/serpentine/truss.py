@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 STRUT_RADIUS, POINT_LENGTH = 0.028, 0.45
 #: Bays of a segment are about as long as this share of its width.
 BAY_LENGTH = 0.8
+#: More bays than this are not drawn: a segment of kilometres would take minutes, and shows nothing.
+MOST_BAYS = 200
 #: Radius of an actuator as a share of its pins' distance from the hinge: the pins stand 0.707 of a
 #: box's width beside the spine, and its faces 0.75.
 TUBE_RADIUS, ROD_RADIUS = 0.042, 0.024
@@ -48,7 +50,7 @@ def segment_struts(body: Body) -> list[Strut]:
     radius = STRUT_RADIUS * width
     inset = 0.5 * width - radius
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * inset + body.centre[1:]
-    bays = max(1, round((length - 2.0 * point) / (BAY_LENGTH * width)))
+    bays = min(max(1, round((length - 2.0 * point) / (BAY_LENGTH * width))), MOST_BAYS)
     stations = [
         np.column_stack([np.full(4, x), corners])
         for x in np.linspace(point, length - point, bays + 1)

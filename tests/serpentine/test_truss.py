@@ -7,7 +7,7 @@ import pytest
 
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.kinematics import frames
-from pips_drake.serpentine.truss import actuator_pins, segment_struts
+from pips_drake.serpentine.truss import MOST_BAYS, actuator_pins, segment_struts
 
 
 @pytest.mark.parametrize("name", ["prototype", "pcr_concept", "cmu_92"])
@@ -36,3 +36,11 @@ def test_a_segments_struts_stay_inside_the_box_that_collides():
                 # Rounding of the corners; longerons are inset by their radius.
                 assert np.all(end >= low - 1e-12), body.name
                 assert np.all(end <= high + 1e-12), body.name
+
+
+def test_a_segment_of_kilometres_is_drawn_with_long_bays():
+    """A misplaced digit in an arm file must not take minutes to export."""
+    body = load_arm("prototype").bodies[2]
+    long = replace(body, size=body.size * [1e4, 1.0, 1.0])
+    # Four in a frame, and eight in a bay; a point at each end.
+    assert len(segment_struts(long)) == 4 * (MOST_BAYS + 1) + 8 * MOST_BAYS + 8
