@@ -123,9 +123,10 @@ def plan_to_goal(
     base = tip - (np.linalg.norm(at_home[-1] - at_home[0]) + arm.average_module_length[0]) * along
     points = np.vstack([base, settled.snake.points])
     path, _ = anchor_path(arm, blended_path(points, "planned"))
-    limit = link_curvature_limit(
-        float(arm.average_module_length.mean()), float(arm.joint_upper[1:].min())
-    )
+    # The base's joints bend another way, and the last turns the camera.
+    hinges = slice(arm.first_actuated_joint, arm.joints - 1)
+    bend = min(arm.joint_upper[hinges].min(), -arm.joint_lower[hinges].max())
+    limit = link_curvature_limit(float(arm.average_module_length.mean()), float(bend))
     return GoalPlan(
         found=found,
         pulled=pulled,

@@ -61,7 +61,7 @@ class Settled:
         stable: whether it came to rest within the steps allowed.
         energies: before the first step and after each, J. They fall, but where points were
             inserted or deleted.
-        clearance: least distance of its points, m.
+        clearance: least distance of its points, m, as the field tells it.
     """
 
     snake: Snake

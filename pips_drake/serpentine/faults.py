@@ -72,17 +72,7 @@ def make_drive_faults(arm: SerpentineArm, configs: Sequence[FaultConfig]) -> tup
             index = _find("drive", config.drive, drive_names(arm))
         if config.kind == "limited":
             lower, upper = _limited_stroke(arm, index, config.size)
-        found.append(
-            Fault(
-                kind=config.kind,
-                index=index,
-                start=config.start_s,
-                end=end_of(config),
-                size=config.size,
-                lower=lower,
-                upper=upper,
-            )
-        )
+        found.append(_make_fault(config, index, config.size, (lower, upper)))
     return tuple(found)
 
 
@@ -97,15 +87,7 @@ def make_encoder_faults(arm: SerpentineArm, configs: Sequence[FaultConfig]) -> t
         if config.kind in ENCODER_FAULTS:
             index = _find("encoder", config.encoder, arm.joint_names)
             unit = 1e-3 if arm.is_prismatic[index] else DEGREE
-            found.append(
-                Fault(
-                    kind=config.kind,
-                    index=index,
-                    start=config.start_s,
-                    end=end_of(config),
-                    size=config.size * unit,
-                )
-            )
+            found.append(_make_fault(config, index, config.size * unit))
     return tuple(found)
 
 
@@ -197,6 +179,23 @@ def read_encoders(
         elif fault.kind == "quantised":
             reading[j] = round(reading[j] / fault.size) * fault.size
     return reading, health
+
+
+def _make_fault(
+    config: FaultConfig,
+    index: int,
+    size: float,
+    ends: tuple[float, float] = (-math.inf, math.inf),
+) -> Fault:
+    return Fault(
+        kind=config.kind,
+        index=index,
+        start=config.start_s,
+        end=end_of(config),
+        size=size,
+        lower=ends[0],
+        upper=ends[1],
+    )
 
 
 def _find(kind: str, name: str, known: Sequence[str]) -> int:

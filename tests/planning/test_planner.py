@@ -65,6 +65,13 @@ def test_the_tip_reaches_its_goal_from_home_and_every_link_follows(beside, arm):
     shift = kinematics.spine_points(arm, arm.joint_home)[0, -1] - HOME
     tip = kinematics.spine_points(arm, beside.plan.joints)[-1, -1]
     assert_allclose(tip - shift, beside.points[-1], rtol=0, atol=1e-9)
+    # The sharpest bend of the snake, over that of links at 45 deg a joint (FTL's own limit).
+    turns = np.linalg.norm(np.diff(beside.settled.snake.points, n=2, axis=0), axis=-1)
+    spacing = beside.settled.snake.spacings.mean()
+    sharpest = turns.max() / spacing**2
+    allowed = 2.0 * math.sin(math.radians(22.5)) / 0.4572
+    # Second differences also hold what spacing changes: a tenth.
+    assert beside.curvature_excess == pytest.approx(sharpest / allowed, rel=0.1)
     assert beside.curvature_excess < 1.0
 
 
@@ -120,3 +127,9 @@ def test_leads_and_homes_that_mean_nothing_are_refused(arm, occupancy):
         PlannerSettings(lead=0.0)
     with pytest.raises(InputError, match="must be three finite numbers"):
         plan_to_goal(arm, occupancy, in_the_gap(90.0, 7.5), home_tip=[math.nan, 0.0, 0.0])
+    # Neither arm can begin beside its base line.
+    for name in ("cmu_92", "prototype"):
+        with pytest.raises(InputError, match=r"base line|home tip"):
+            plan_to_goal(
+                load_arm(name), occupancy, in_the_gap(90.0, 7.5), home_tip=[0.5, 0.0, 4.4425]
+            )
