@@ -63,15 +63,18 @@ def _run(args: Sequence[str] | None) -> int:
         if isinstance(command, Follow | Check | Simulate | Verify | Study):
             tell_of_compiling()
         code: int = command.run()
+        interrupts.end()
         return code
     except KeyboardInterrupt:
+        interrupts.end()
         return complain(_NOTHING_WRITTEN, INTERRUPTED)
     except Exception as error:
+        interrupts.end()
         if interrupts.came:
             return complain(_NOTHING_WRITTEN, INTERRUPTED)
         return _complain_of(error)
     finally:
-        interrupts.end()
+        interrupts.end()  # for what else leaves, such as the parser's exit
 
 
 def _complain_of(error: Exception) -> int:

@@ -42,7 +42,11 @@ class Interrupts:
         sys.unraisablehook = self._look
 
     def end(self) -> None:
-        """The command is done, well or not: no interrupt comes again."""
+        """The command is done, well or not: no interrupt comes again.
+
+        To be called before the last `except` or `try` is left: between there and the end an
+        interrupt on its way finds no exception, and nobody who would catch it.
+        """
         self._over = True  # first, for the one that is on its way
         if self._lost:  # else the clock may be another's
             signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -159,11 +159,38 @@ def work():
     assert outcome == Outcome(130, "cleaned up\n", INTERRUPTED)
 
 
+@pytest.mark.parametrize("way", ["complain", "end"])
+def test_an_interrupt_on_its_way_out_finds_nobody_to_disturb(way):
+    """It comes again at every instant of the way out: while we complain, and before the end."""
+    outcome = run(f"""
+from pips_drake import command_line
+spot = cli.complain if "{way}" == "complain" else command_line.Interrupts.end
+
+def stretched(*args):
+    busy(0.1)
+    result = spot(*args)
+    busy(0.1)
+    return result
+
+if "{way}" == "complain":
+    cli.complain = stretched
+else:
+    command_line.Interrupts.end = stretched
+
+def work():
+    call_from_c(interrupt)
+    raise AttributeError("half made")
+""")
+    assert outcome == Outcome(130, "", INTERRUPTED)
+
+
 @pytest.mark.parametrize("code", [0, 1])
 def test_no_interrupt_comes_after_the_end(code):
     """A command that is done is done: its folder stands, and its code says what it found."""
     outcome = run(f"""
-atexit.register(busy, 0.2)
+from pips_drake import command_line
+command_line._AGAIN = 1.0  # later than the end, however slow the machine
+atexit.register(busy, 1.2)
 
 def work():
     call_from_c(interrupt)
