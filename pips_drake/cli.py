@@ -23,7 +23,7 @@ from pips_drake.command_line import (
     tell_of_compiling,
 )
 from pips_drake.command_report import BAD_INPUT, FAILED, INTERRUPTED, complain
-from pips_drake.commands import Check, Command, Follow, Simulate, Study, Verify
+from pips_drake.commands import Check, Command, Follow, Plan, Simulate, Study, Verify
 from pips_drake.errors import InputError, PipsError
 
 # Where results cannot be written: no room, no right, or a medium that fails.
@@ -60,7 +60,7 @@ def _run(args: Sequence[str] | None) -> int:
     try:
         command = _parse(args)
         check_current_directory()
-        if isinstance(command, Follow | Check | Simulate | Verify | Study):
+        if isinstance(command, Follow | Check | Plan | Simulate | Verify | Study):
             tell_of_compiling()
         code: int = command.run()
         interrupts.end()

@@ -53,6 +53,14 @@ CHECK_LINES: tuple[Line, ...] = (
     ("motion_duration_constant_s", "way out at constant speed", 1, "s"),
     ("motion_duration_fastest_s", "way out as fast as the drives can", 1, "s"),
 )
+PLAN_LINES: tuple[Line, ...] = (
+    ("tip_travel_m", "way of the tip", 1, "m"),
+    *_CLEARANCE_LINES,
+    *_PLAN_LINES,
+    *_DRIVE_LINES,
+    ("motion_duration_s", "motion", 1, "s"),
+    ("planning_wall_s", "planned and proved in", 1, "s"),
+)
 SIMULATE_LINES: tuple[Line, ...] = (
     *_CLEARANCE_LINES,
     ("spine_error_max_m", "spine to plan, at most", 1e3, "mm"),

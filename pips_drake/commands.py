@@ -15,6 +15,7 @@ from pips_drake.command_report import (
     FAILED,
     FOLLOW_LINES,
     INTERRUPTED,
+    PLAN_LINES,
     SIMULATE_LINES,
     complain,
     print_margins,
@@ -29,6 +30,13 @@ if TYPE_CHECKING:
 def _word(metavar: str) -> Any:
     """How the help calls what stands behind an option."""
     return tyro.conf.arg(metavar=metavar)
+
+
+# A list a `--set`: without appending, a second one would silently replace the first.
+_Overrides = Annotated[
+    tyro.conf.UseAppendAction[list[list[str]]],
+    tyro.conf.arg(name="set", metavar="KEY=VALUE ..."),
+]
 
 
 @dataclass(kw_only=True)
@@ -114,6 +122,34 @@ class Check:
 
 
 @dataclass(kw_only=True)
+class Plan:
+    """Find a motion to a scenario's goals: tip path, joints, proved clearance, three views.
+
+    The folder's simulate.yaml runs what was planned, as does `pips simulate SCENARIO`.
+    """
+
+    scenario: Annotated[tyro.conf.Positional[str], _word("SCENARIO")]
+    """A shipped scenario that states goals (see `pips list`), or a YAML file."""
+    out: Annotated[Path | None, _word("DIR")] = None
+    """Folder to write; out/plan_SCENARIO by default."""
+    overrides: _Overrides = field(default_factory=list)
+    """Change fields of the scenario, such as snake.bending_stiffness_Nm2=1 alternatives=3."""
+    scene: Annotated[str | None, _word("NAME")] = None
+    """Another scene than the scenario's: a shipped one, or a file of your own: *.dmd.yaml, *.sdf or
+    *.urdf; `none` for no scene."""
+    force: bool = False
+    """Replace an earlier result in that folder."""
+
+    def run(self) -> int:
+        from pips_drake.scenarios import load_scenario, plan
+
+        loaded = load_scenario(self.scenario, _parse_overrides(self.overrides), scene=self.scene)
+        out = self.out or Path("out") / f"plan_{loaded.name}"
+        verdict = plan(loaded, out=out, force=self.force)
+        return report(verdict, PLAN_LINES, own_scene=self.scene is not None)
+
+
+@dataclass(kw_only=True)
 class Simulate:
     """Simulate a scenario of any machine, and write its verdict, numbers, figures and replay."""
 
@@ -121,11 +157,7 @@ class Simulate:
     """A shipped scenario (see `pips list`), or a YAML file."""
     out: Annotated[Path | None, _word("DIR")] = None
     """Folder to write; out/SCENARIO by default."""
-    # A list a `--set`: without appending, a second one would silently replace the first.
-    overrides: Annotated[
-        tyro.conf.UseAppendAction[list[list[str]]],
-        tyro.conf.arg(name="set", metavar="KEY=VALUE ..."),
-    ] = field(default_factory=list)
+    overrides: _Overrides = field(default_factory=list)
     """Change fields of the scenario, such as motion.dwell_s=2 checks.clearance_min_mm=40."""
     scene: Annotated[str | None, _word("NAME")] = None
     """Another scene than the scenario's: a shipped one, or a file of your own: *.dmd.yaml, *.sdf or
@@ -140,8 +172,7 @@ class Simulate:
     def run(self) -> int:
         from pips_drake.scenarios import load_scenario, simulate
 
-        words = [word for group in self.overrides for word in group]
-        loaded = load_scenario(self.scenario, _parse_overrides(words), scene=self.scene)
+        loaded = load_scenario(self.scenario, _parse_overrides(self.overrides), scene=self.scene)
         loaded.config.decompose_meshes |= self.decompose
         meshcat = _serve_meshcat() if self.meshcat else None
         out = self.out or Path("out") / loaded.name
@@ -250,8 +281,13 @@ class List:
         from pips_drake.scenarios import scenario_descriptions
         from pips_drake.scene.packages import list_names
 
+        goals = scenario_descriptions(goals=True)
+        motions = {
+            name: text for name, text in scenario_descriptions().items() if name not in goals
+        }
         for title, descriptions in (
-            ("scenarios (pips simulate NAME)", scenario_descriptions()),
+            ("scenarios (pips simulate NAME)", motions),
+            ("scenarios with goals (pips plan NAME, pips simulate NAME)", goals),
             ("studies (pips study NAME)", study_descriptions()),
         ):
             width = max(len(name) for name in descriptions)
@@ -308,6 +344,7 @@ class Export:
 Command = (
     Annotated[Follow, tyro.conf.subcommand("follow")]
     | Annotated[Check, tyro.conf.subcommand("check")]
+    | Annotated[Plan, tyro.conf.subcommand("plan")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Study, tyro.conf.subcommand("study")]
@@ -321,9 +358,9 @@ def _default_folder(command: str, name: str) -> Path:
     return Path("out") / f"{command}_{Path(name).stem}"
 
 
-def _parse_overrides(words: Sequence[str]) -> dict[str, str]:
+def _parse_overrides(groups: Sequence[Sequence[str]]) -> dict[str, str]:
     overrides = {}
-    for word in words:
+    for word in (word for group in groups for word in group):
         key, equals, value = word.partition("=")
         if not (key and equals):
             raise InputError(f"--set {word}: must be KEY=VALUE, such as motion.dwell_s=2")

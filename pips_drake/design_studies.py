@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pips_drake.config import dump_yaml, load_plain, load_yaml, require
+from pips_drake.errors import InputError
 from pips_drake.scenarios import MACHINES, machine_of
 from pips_drake.scene.packages import find_file, find_study_file, list_names
 from pips_drake.twin.output_folder import SUMMARY_NAME, write_whole
@@ -73,7 +74,14 @@ def study(
     config = load_yaml(StudyFile, file)
     # The study's own folder holds its scenarios, as a scenario's holds its arms.
     scenario_file = find_file("scenario", config.scenario, inside=file.parent)
-    kind = MACHINES[machine_of(scenario_file)].studies()
+    machine = machine_of(scenario_file)
+    studies = MACHINES[machine].studies
+    if studies is None:
+        raise InputError(
+            f"{file}: scenario {config.scenario} is of machine {machine}, of which "
+            "there are no studies"
+        )
+    kind = studies()
     cases = kind.make_cases(config, scenario_file)
     workers: Workers = Processes(jobs=min(jobs, len(cases)), limit_s=config.case_limit_s)
     if cluster is not None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pips_drake.config import load_plain, load_yaml
 from pips_drake.errors import InputError, UnknownNameError
+from pips_drake.planning.scenario import PlannerScenario
 from pips_drake.scene.packages import (
     find_scenario_file,
     find_scene_file,
@@ -43,16 +44,39 @@ def _serpentine_studies() -> StudyKind:
     return STUDY_KIND
 
 
+def _plan_goals(*args: Any, **kwargs: Any) -> Verdict:
+    from pips_drake.planning.runs.plan import plan as run
+
+    return run(*args, **kwargs)
+
+
+def _simulate_plan(*args: Any, **kwargs: Any) -> Verdict:
+    from pips_drake.planning.runs.simulate import simulate as run
+
+    return run(*args, **kwargs)
+
+
 @dataclass(frozen=True)
 class Machine:
-    """A machine that scenarios can be written for: its schema, what simulates it, and studies."""
+    """A machine that scenarios can be written for.
+
+    Attributes:
+        schema: of its scenarios.
+        simulate: runs a scenario.
+        studies: what can be varied; None if there are no studies of it.
+        plan: finds the motion of a scenario that states goals; None if scenarios state motions.
+    """
 
     schema: type
     simulate: Callable[..., Verdict]
-    studies: Callable[[], StudyKind]
+    studies: Callable[[], StudyKind] | None = None
+    plan: Callable[..., Verdict] | None = None
 
 
-MACHINES = {"serpentine": Machine(SerpentineScenario, _simulate_serpentine, _serpentine_studies)}
+MACHINES = {
+    "planner": Machine(PlannerScenario, _simulate_plan, plan=_plan_goals),
+    "serpentine": Machine(SerpentineScenario, _simulate_serpentine, studies=_serpentine_studies),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,10 +158,42 @@ def simulate(
     )
 
 
-def scenario_descriptions() -> dict[str, str]:
-    """The shipped scenarios' names and one-line descriptions."""
-    files = sorted(scenarios_directory().glob("*.yaml"))
-    return {file.stem: str(load_plain(file).get("description", "")) for file in files}
+def plan(scenario: LoadedScenario, *, out: str | Path, force: bool = False) -> Verdict:
+    """Plans the motion of a scenario that states goals, and writes its folder.
+
+    Raises:
+        InputError: it states none.
+    """
+    run = MACHINES[scenario.machine].plan
+    if run is None:
+        known = sorted(name for name, machine in MACHINES.items() if machine.plan is not None)
+        raise InputError(
+            f"{scenario.name}: machine = {scenario.machine}, whose scenarios state their motion; "
+            f"must be {' or '.join(known)}"
+        )
+    return run(
+        scenario.config,
+        name=scenario.name,
+        out=Path(out),
+        force=force,
+        folder=scenario.folder,
+        scene_file=scenario.scene_file,
+    )
+
+
+def scenario_descriptions(*, goals: bool = False) -> dict[str, str]:
+    """The shipped scenarios' names and one-line descriptions.
+
+    Args:
+        goals: those alone that state goals (`pips plan`).
+    """
+    planners = [name for name, machine in MACHINES.items() if machine.plan is not None]
+    files = {file.stem: load_plain(file) for file in sorted(scenarios_directory().glob("*.yaml"))}
+    return {
+        name: str(plain.get("description", ""))
+        for name, plain in files.items()
+        if not goals or plain.get("machine") in planners
+    }
 
 
 def machine_of(file: Path) -> str:

@@ -1,0 +1,1 @@
+"""What `pips plan` does: plans, judges and writes a scenario's motion."""
