@@ -289,7 +289,7 @@ def blended_to_groups(field, groups, count, points, blend, within):
 
     Args:
         blend: m, > 0.
-        within: m; shapes whose ball is farther from a point are left out.
+        within: m; shapes whose ball or box is farther from a point are left out.
     """
     distance = np.full((points.shape[0], count), np.inf)
     gradient = np.zeros((points.shape[0], count, 3))
@@ -302,8 +302,18 @@ def blended_to_groups(field, groups, count, points, blend, within):
             cx, cy, cz = field.centres[m, 0] - x, field.centres[m, 1] - y, field.centres[m, 2] - z
             if cx * cx + cy * cy + cz * cz > reach * reach:
                 continue
+            lx, ly, lz = _in_shape(field, m, x, y, z)
+            extent = field.extents[m]
+            # Long things have wide balls: a stave of a bay holds the whole bay.
+            if (
+                abs(lx) - extent[0] > within
+                or abs(ly) - extent[1] > within
+                or abs(lz) - extent[2] > within
+            ):
+                continue
             b = groups[m]
-            d, gx, gy, gz = distance_to_shape(field, m, x, y, z)
+            d, gx, gy, gz = _distance_in_shape(field, m, lx, ly, lz)
+            gx, gy, gz = _rotated(field.rotations[m], gx, gy, gz)
             least = distance[i, b]
             # Weights are kept relative to the least distance so far.
             if d < least:
