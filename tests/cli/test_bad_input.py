@@ -186,8 +186,8 @@ def test_so_it_is_from_a_shell(assert_refused, pips, tmp_path, words):
 
 #: Command lines that cannot be read, and what is said of them.
 UNREADABLE = {
-    "": "Expected one of {follow, check, simulate, ",
-    "nothing": "Unrecognized options: nothing; known: follow, check, simulate, ",
+    "": "Expected one of {follow, check, plan, simulate, ",
+    "nothing": "Unrecognized options: nothing; known: follow, check, plan, simulate, ",
     "follow": "follow: PATH is missing; see pips follow --help",
     "simulate": "simulate: SCENARIO is missing; see pips simulate --help",
     "follow a b": "Unrecognized options: b; see pips --help",
