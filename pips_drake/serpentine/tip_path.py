@@ -261,6 +261,7 @@ def blended_path(points: ArrayLike, name: str, *, corner_deviation: float = math
     lengths = np.linalg.norm(steps, axis=1)
     directions = steps / lengths[:, None]
     rows: list[Array] = []
+    corners: list[int] = []
     travelled, point = 0.0, vertices[0]
     for i in range(1, len(vertices)):
         tangent_length = 0.0
@@ -289,6 +290,7 @@ def blended_path(points: ArrayLike, name: str, *, corner_deviation: float = math
             rows.append(_arc_row(travelled, centre, -inward, directions[i - 1], radius, turn))
             travelled += radius * turn
             point = vertices[i] + tangent_length * directions[i]
+        corners += [i] * (len(rows) - len(corners))
     path = TipPath(
         name=name,
         pieces=np.stack(rows),
@@ -300,15 +302,24 @@ def blended_path(points: ArrayLike, name: str, *, corner_deviation: float = math
         pieces=path.pieces,
         home_arc_length=table.home_arc_length,
         marks=path.nearest(marks, 0.0, path.length)[1],
-        deviation=_distance_between(path, table, marks),
+        deviation=_distance_between(path, table, marks, np.array(corners)),
     )
 
 
-def _distance_between(path: TipPath, table: TipPath, marks: Array) -> float:
-    """Largest distance (m) from path to table (64 samples a piece) and from its points to it."""
+def _distance_between(
+    path: TipPath, table: TipPath, marks: Array, corners: NDArray[np.int64]
+) -> float:
+    """Largest distance (m) from path to table (64 samples a piece) and from its points to it.
+
+    A piece is compared with the lines on both sides of the corner (row of the table) that it
+    leads to or rounds, not with all of them.
+    """
     fractions = np.linspace(0.0, 1.0, 65)
     s = (path.pieces[:, START, None] + path.pieces[:, LENGTH, None] * fractions).ravel()
-    to_table, _ = table.nearest(path.point(s), 0.0, table.length)
+    ends = np.append(table.pieces[:, START], table.length)
+    low = np.repeat(ends[corners - 1], fractions.size)
+    high = np.repeat(ends[np.minimum(corners + 1, len(ends) - 1)], fractions.size)
+    to_table, _ = table.nearest(path.point(s), low, high)
     to_path, _ = path.nearest(marks, 0.0, path.length)
     return float(max(to_table.max(), to_path.max()))
 
