@@ -14,13 +14,14 @@ import logging
 import sys
 from pathlib import Path
 
-from benchmarks import command_line, follow_the_leader, full_twin, postures, report
+from benchmarks import command_line, follow_the_leader, full_twin, planning, postures, report
 from benchmarks.measuring import describe_machine
 
 BENCHMARKS = {
     "follow_the_leader": follow_the_leader.measure,
     "full_twin": full_twin.measure,
     "postures": postures.measure,
+    "planning": planning.measure,
     "command_line": command_line.measure,
 }
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 #: What the numbers depend on, as pip calls it.
-PACKAGES = ("drake", "numpy", "scipy", "numba", "pin", "mujoco", "pips-drake")
+PACKAGES = ("drake", "numpy", "scipy", "numba", "pin", "mujoco", "scikit-image", "pips-drake")
 
 
 @dataclass(frozen=True, kw_only=True)
