@@ -93,7 +93,7 @@ def out_of_frame(R, x, out):
 
 
 @inner
-def _bulge(shapes, s, n):
+def bulge_of(shapes, s, n):
     """|E^T n|."""
     E = shapes.bulge[s]
     x = E[0, 0] * n[0] + E[1, 0] * n[1] + E[2, 0] * n[2]
@@ -112,7 +112,7 @@ def support(shapes, s, n):
     for v in range(shapes.starts[s], shapes.starts[s + 1]):
         highest = max(highest, dot(shapes.vertices[v], n))
     length = math.sqrt(dot(n, n))
-    return highest + _bulge(shapes, s, n) + shapes.radius[s] * length
+    return highest + bulge_of(shapes, s, n) + shapes.radius[s] * length
 
 
 @numba.njit(cache=True)
@@ -134,7 +134,7 @@ def gap(shapes, a, b, R, t, n):
     lowest = np.inf
     for v in range(shapes.starts[a], shapes.starts[a + 1]):
         lowest = min(lowest, dot(shapes.vertices[v], m))
-    lowest += dot(n, t) - _bulge(shapes, a, m) - shapes.radius[a]
+    lowest += dot(n, t) - bulge_of(shapes, a, m) - shapes.radius[a]
     return lowest - support(shapes, b, n)
 
 
@@ -174,7 +174,7 @@ def _moved(shapes, a, levers, offsets, v):
     total = 0.0
     for c in range(offsets.shape[0]):
         total += abs(dot(levers[c], shapes.vertices[v]) + offsets[c])
-        total += _bulge(shapes, a, levers[c])
+        total += bulge_of(shapes, a, levers[c])
     return total
 
 
@@ -222,9 +222,9 @@ def turning_bound(shapes, pairs, poses, motion, p, k0, k1, n0, n1, segment, widt
     h0, h2 = support(shapes, b, n0), support(shapes, b, n1)
     bend = bend_of(pairs, motion, p, segment) * width * width
     away = shapes.radius[a] + _remainder(pairs, motion, p, segment)
-    c0 = dot(n0, t0) - h0 - away - _bulge(shapes, a, m0)
-    c2 = dot(n1, t1) - h2 - away - _bulge(shapes, a, m2)
-    c1 = 0.5 * (dot(n0, t1) + dot(n1, t0) - h0 - h2) - away - _bulge(shapes, a, m1) - 0.25 * bend
+    c0 = dot(n0, t0) - h0 - away - bulge_of(shapes, a, m0)
+    c2 = dot(n1, t1) - h2 - away - bulge_of(shapes, a, m2)
+    c1 = 0.5 * (dot(n0, t1) + dot(n1, t0) - h0 - h2) - away - bulge_of(shapes, a, m1) - 0.25 * bend
     joints = motion.bodies.shape[1] if motion.deviates else 0
     levers, offsets = np.empty((4, joints, 3)), np.empty((4, joints))
     if motion.deviates:
@@ -281,7 +281,7 @@ def fixed_bound(shapes, pairs, poses, motion, p, first, last, n, floor):
             here = min(here, height)
         for axis in range(3):
             here += w[axis] * (poses.position[k, i, axis] - poses.position[k, j, axis])
-        here -= _bulge(shapes, a, m) + top
+        here -= bulge_of(shapes, a, m) + top
         if k > first:
             loss = 0.125 * bend_of(pairs, motion, p, k - 1) + _remainder(pairs, motion, p, k - 1)
             lowest = min(lowest, min(before, here) - loss)

@@ -58,7 +58,7 @@ def closest(shapes: Shapes, a: int, b: int, R: Array, t: Array) -> Closest:
     """Distance of shape a, with its body at (R, t) in b's body, from shape b."""
     if shapes.half_space[b].any():
         return _above_half_space(shapes, a, b, R, t)
-    normal, weights, vertices, balls, core = _closest_cores(shapes, a, b, R, t)
+    normal, weights, vertices, balls, core = closest_cores(shapes, a, b, R, t)
     both = float(shapes.radius[a] + shapes.radius[b])
     hull = _Hull(shapes, a, b, R, t)
     on_a = weights @ (shapes.vertices[vertices[:, 0]] + balls[:, 0] @ shapes.bulge[a].T)
@@ -198,7 +198,7 @@ def _core_support(shapes, s, d, ball, out):
 
 
 @numba.njit(cache=True)
-def _closest_cores(shapes, a, b, R, t):
+def closest_cores(shapes, a, b, R, t):
     """Gilbert, Johnson and Keerthi's algorithm on the cores: normal, combination, distance."""
     points = np.zeros((5, 3))
     vertices = np.zeros((5, 2), dtype=np.int64)

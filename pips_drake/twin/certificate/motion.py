@@ -32,6 +32,9 @@ from pips_drake.twin.certificate.tree import (
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+#: Stands for a bound that was not asked for, m. Finite, so that nothing becomes NaN.
+UNBOUNDED = 1e30
+
 
 def chain(tree: Tree, base: int, body: int) -> list[tuple[int, int]]:
     """The joints from a base body to another: (the joint's body, +1 outward or -1 inward)."""
@@ -60,13 +63,13 @@ def stack_chains(chains: Sequence[list[tuple[int, int]]]) -> tuple[Indices, Indi
 
 
 @inner
-def _span(u, v):
+def span_of(u, v):
     """Distance of two points."""
     return math.sqrt((u[0] - v[0]) ** 2 + (u[1] - v[1]) ** 2 + (u[2] - v[2]) ** 2)
 
 
 @inner
-def _free_turn(tree, poses, b, k, turn):
+def free_turn(tree, poses, b, k, turn):
     """Angle, rad, by which a free body turns from knot k to the next; its axis in the world."""
     R0, R1, a = poses.rotation[k, b], poses.rotation[k + 1, b], tree.parent[b]
     # The body's turn seen from its parent: Q1 Q0^T with Q = (parent)^T (body).
@@ -84,11 +87,12 @@ def _free_turn(tree, poses, b, k, turn):
 
 
 @numba.njit(cache=True)
-def bending(tree, poses, q, bodies, signs):
+def bending(tree, poses, q, bodies, signs, wanted):
     """Bounds on second derivatives by s of points of each chain's last link, in its base's frame.
 
     Args:
         bodies, signs: chains, (L, C) each (`stack_chains`).
+        wanted: segments that are looked at, (N - 1,); the bounds of others are `UNBOUNDED`.
 
     Returns:
         acceleration of the last joint's origin, (L, N - 1) m, and what a point of the last link
@@ -99,6 +103,9 @@ def bending(tree, poses, q, bodies, signs):
     w0, w1, u, x = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for row in range(chains):
         for k in range(knots - 1):
+            if not wanted[k]:
+                at_origin[row, k] = UNBOUNDED
+                continue
             angular = speed = acceleration = 0.0
             for j in range(3):
                 w0[j] = w1[j] = 0.0
@@ -117,8 +124,8 @@ def bending(tree, poses, q, bodies, signs):
                         here = 1
                     if last >= 0:
                         r = max(
-                            _span(poses.origin[k, b, here], poses.origin[k, last, last_side]),
-                            _span(
+                            span_of(poses.origin[k, b, here], poses.origin[k, last, last_side]),
+                            span_of(
                                 poses.origin[k + 1, b, here], poses.origin[k + 1, last, last_side]
                             ),
                         )
@@ -128,7 +135,7 @@ def bending(tree, poses, q, bodies, signs):
                         if kind == PRISMATIC:
                             slide = abs(q[k + 1, i] - q[k, i])
                         else:
-                            slide = _span(q[k + 1, i + 4 : i + 7], q[k, i + 4 : i + 7])
+                            slide = span_of(q[k + 1, i + 4 : i + 7], q[k, i + 4 : i + 7])
                         acceleration += 2.0 * speed * slide
                         continue
                     if kind == REVOLUTE:
@@ -137,7 +144,7 @@ def bending(tree, poses, q, bodies, signs):
                             w0[j] += sign * angle * poses.axis[k, b, j]
                             w1[j] += sign * angle * poses.axis[k + 1, b, j]
                     else:
-                        angle = _free_turn(tree, poses, b, k, u)
+                        angle = free_turn(tree, poses, b, k, u)
                         a = tree.parent[b]
                         rotate(poses.rotation[k, a], u, x)
                         for j in range(3):
@@ -179,16 +186,16 @@ def error_terms(tree, poses, q, bodies, signs, deviation):
                 spans[c] = 0.0
                 if last >= 0:
                     spans[c] = max(
-                        _span(poses.origin[k, b, side], poses.origin[k, last, last_side]),
-                        _span(poses.origin[k + 1, b, side], poses.origin[k + 1, last, last_side]),
+                        span_of(poses.origin[k, b, side], poses.origin[k, last, last_side]),
+                        span_of(poses.origin[k + 1, b, side], poses.origin[k + 1, last, last_side]),
                     )
                     if tree.kind[b] == FREE and sign < 0:
                         # Two steps: to the body's point about which it turns, and along its slide.
-                        spans[c] = _span(
+                        spans[c] = span_of(
                             poses.origin[k, b, 1], poses.origin[k, last, last_side]
                         ) + max(
-                            _span(poses.origin[k, b, 0], poses.origin[k, b, 1]),
-                            _span(poses.origin[k + 1, b, 0], poses.origin[k + 1, b, 1]),
+                            span_of(poses.origin[k, b, 0], poses.origin[k, b, 1]),
+                            span_of(poses.origin[k + 1, b, 0], poses.origin[k + 1, b, 1]),
                         )
                 last, last_side = b, side
                 error = deviation[b]
@@ -204,8 +211,8 @@ def error_terms(tree, poses, q, bodies, signs, deviation):
                     speed += error
                     turn += abs(q[k + 1, i] - q[k, i])
                 else:
-                    slide += _span(q[k + 1, i + 4 : i + 7], q[k, i + 4 : i + 7])
-                    turn += _free_turn(tree, poses, b, k, np.empty(3))
+                    slide += span_of(q[k + 1, i + 4 : i + 7], q[k, i + 4 : i + 7])
+                    turn += free_turn(tree, poses, b, k, np.empty(3))
             rest[row, k] = 0.5 * acceleration
             rest_reach[row, k] = 0.5 * (angular + speed * speed)
             for c in range(longest):

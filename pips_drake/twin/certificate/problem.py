@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from pips_drake.errors import InputError
 from pips_drake.twin.certificate.bodies import Shapes
 from pips_drake.twin.certificate.bound import Motion, Pairs
-from pips_drake.twin.certificate.motion import bending, chain, error_terms, stack_chains
+from pips_drake.twin.certificate.motion import (
+    UNBOUNDED,
+    bending,
+    chain,
+    error_terms,
+    stack_chains,
+)
 from pips_drake.twin.certificate.tree import FIXED, FREE, PRISMATIC, Poses, Tree, calc_poses
 
 Array = NDArray[np.float64]
@@ -47,31 +53,49 @@ class Problem:
 
 
 class Prepared:
-    """A problem with what its search and its check need: poses, chains and motion bounds."""
+    """A problem with what its search needs: poses, chains and motion bounds.
 
-    def __init__(self, problem: Problem) -> None:
+    Args:
+        poses: at the knots, if they are known.
+        pairs: those that will be asked for, all by default; of others nothing can be proved.
+        segments: likewise, (N - 1,) bool.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        *,
+        poses: Poses | None = None,
+        pairs: Indices | None = None,
+        segments: NDArray[np.bool_] | None = None,
+    ) -> None:
         self.problem = problem
-        _check_free_turns(problem.tree, problem.knots)
-        tree, shapes = problem.tree, problem.shapes
-        self.poses: Poses = calc_poses(tree, problem.knots)
+        check_free_turns(problem.tree, problem.knots)
+        tree, shapes, knots = problem.tree, problem.shapes, problem.knots
+        self.poses: Poses = calc_poses(tree, knots) if poses is None else poses
+        mine = np.arange(len(problem.a)) if pairs is None else pairs
+        wanted = np.ones(len(knots) - 1, dtype=np.bool_) if segments is None else segments
         between: dict[tuple[int, int], int] = {}
-        rows = np.empty(len(problem.a), dtype=np.int64)
-        for p, ends in enumerate(
-            zip(shapes.body[problem.b].tolist(), shapes.body[problem.a].tolist(), strict=True)
-        ):
+        # One row more than there are chains, for the others.
+        rows = np.full(len(problem.a), -1, dtype=np.int64)
+        base, body = shapes.body[problem.b[mine]].tolist(), shapes.body[problem.a[mine]].tolist()
+        for p, ends in zip(mine.tolist(), zip(base, body, strict=True), strict=True):
             rows[p] = between.setdefault(ends, len(between))
+        rows[rows < 0] = len(between)
         chains = [chain(tree, base, body) for base, body in between]
-        bodies, signs = stack_chains(chains)
-        at_origin, by_reach = bending(tree, self.poses, problem.knots, bodies, signs)
+        bodies, signs = stack_chains([*chains, []])
+        at_origin, by_reach = bending(tree, self.poses, knots, bodies, signs, wanted)
+        at_origin[-1] = UNBOUNDED
         self.motion = _make_motion(problem, self.poses, bodies, signs, at_origin, by_reach)
-        self.pairs = Pairs(problem.a, problem.b, rows, self._reach(chains, rows))
+        self.pairs = Pairs(problem.a, problem.b, rows, self._reach(chains, rows, mine))
 
-    def _reach(self, chains: list[list[tuple[int, int]]], rows: Indices) -> Array:
+    def _reach(self, chains: list[list[tuple[int, int]]], rows: Indices, mine: Indices) -> Array:
         """How far a pair's a is from the last origin of its chain, at most, (P,) m."""
         problem, shapes = self.problem, self.problem.shapes
         found: dict[tuple[int, int], float] = {}
         reach = np.zeros(len(problem.a))
-        for p, (shape, row) in enumerate(zip(problem.a.tolist(), rows.tolist(), strict=True)):
+        shape_of, row_of = problem.a[mine].tolist(), rows[mine].tolist()
+        for p, shape, row in zip(mine.tolist(), shape_of, row_of, strict=True):
             if not chains[row]:
                 continue
             if (shape, row) not in found:
@@ -117,7 +141,12 @@ def _make_motion(
     )
 
 
-def _check_free_turns(tree: Tree, knots: Array) -> None:
+def check_free_turns(tree: Tree, knots: Array) -> None:
+    """Refuses a motion of which it is not clear which way round a free body turns.
+
+    Raises:
+        InputError: a free body turns too far between two knots.
+    """
     for b in np.flatnonzero(tree.kind == FREE):
         i = int(tree.start[b])
         quaternions = knots[:, i : i + 4]

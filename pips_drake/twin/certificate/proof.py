@@ -28,7 +28,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 #: Of the file's layout.
-VERSION = 1
+VERSION = 2
+#: Versions that are read: the first had no swept planes.
+_READABLE = (1, 2)
 GROUPS = ("scene", "own")
 # A file that unpacks to more than this is refused, bytes.
 _LARGEST = 4 * 2**30
@@ -41,7 +43,7 @@ class Proof:
     Attributes:
         lower, upper: what is claimed of the least distance, m.
         problem: what it is claimed of.
-        pair, first, last, start, end, normals: the planes; see `search.Planes`.
+        pair, first, last, start, end, normals, swept: the planes; see `blocks.Planes`.
         witness: the pair, segment and fraction where the distance is at most `upper`.
         weights, vertices, balls: of points on its cores; see `distance.Closest`.
         hull_vertices, hull_balls: of points in deep penetration, (H, 2) and (H, 2, 3).
@@ -57,6 +59,7 @@ class Proof:
     start: Array
     end: Array
     normals: Array
+    swept: NDArray[np.bool_]
     witness: tuple[int, int, float]
     weights: Array
     vertices: Indices
@@ -79,6 +82,7 @@ def make_proof(certificate: Certificate) -> Proof:
         start=planes.start,
         end=planes.end,
         normals=planes.normals,
+        swept=planes.swept,
         witness=(witness.pair, witness.segment, witness.fraction),
         weights=witness.closest.weights,
         vertices=witness.closest.vertices,
@@ -121,8 +125,8 @@ def load_proof(file: Path) -> dict[str, Proof]:
     except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
         raise InputError(f"{file}: not a proof ({error})") from None
     version = arrays.get("version")
-    if version is None or version.shape != () or version != VERSION:
-        raise InputError(f"{file}: not a proof of version {VERSION}")
+    if version is None or version.shape != () or version not in _READABLE:
+        raise InputError(f"{file}: not a proof of version {' or '.join(map(str, _READABLE))}")
     found = {}
     for group in GROUPS:
         mine = {
@@ -158,6 +162,7 @@ def _as_arrays(proof: Proof) -> dict[str, NDArray]:
         "plane_start": proof.start,
         "plane_end": proof.end,
         "plane_normals": proof.normals,
+        "plane_swept": proof.swept.astype(np.int64),
         "witness": np.array(proof.witness, dtype=np.float64),
         "witness_weights": proof.weights,
         "witness_vertices": proof.vertices,
@@ -186,6 +191,7 @@ def _from_arrays(arrays: dict[str, NDArray]) -> Proof:
     count, shapes = len(real("times", -1)), len(whole("shape_body", -1))
     bodies, pairs = len(whole("tree_parent", -1)), len(whole("a", -1))
     knots, planes = real("knots", count, -1), len(whole("plane_pair", -1))
+    arrays = {"plane_swept": np.zeros(planes, dtype=np.int64)} | arrays
     nq, hull = knots.shape[1], len(whole("witness_hull_vertices", -1, 2))
     vertices, starts = real("shape_vertices", -1, 3), whole("shape_starts", shapes + 1)
     tree = Tree(
@@ -233,6 +239,7 @@ def _from_arrays(arrays: dict[str, NDArray]) -> Proof:
         start=real("plane_start", planes),
         end=real("plane_end", planes),
         normals=real("plane_normals", planes, 2, 3),
+        swept=whole("plane_swept", planes) != 0,
         witness=(int(pair), int(segment), fraction),
         weights=real("witness_weights", 4),
         vertices=whole("witness_vertices", 4, 2),

@@ -1,61 +1,40 @@
 """Best-first search for a certificate: which planes are needed, and where.
 
-Whole spans of the path are first tried with one plane a pair. A span whose bound does not reach the
-best distance found so far, less the tolerance, is cut in two; a single segment gets a normal that
-turns; then exact distances at its ends give better planes (and better witnesses), and at last the
-segment itself is cut. What is left at the end is a plane for every pair and every instant.
+Whole blocks of the path come first (`blocks.cover_blocks`). Where their planes do not reach the
+best distance found so far, less the tolerance, a span of the path is tried with one plane; if that
+does not reach it, it is cut in two; a single segment gets a normal that turns; then exact distances
+at its ends give better planes (and better witnesses), and at last the segment itself is cut. What
+is left at the end is a plane for every pair and every instant.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.config import require
+from pips_drake.twin.certificate.blocks import Aim, Planes, cover_blocks
 from pips_drake.twin.certificate.bound import turning_bound
 from pips_drake.twin.certificate.planes import segment_bounds, span_bounds
-from pips_drake.twin.certificate.problem import Prepared, Problem
+from pips_drake.twin.certificate.problem import Prepared, Problem, check_free_turns
+from pips_drake.twin.certificate.sweep import Sweep, make_sweep
 from pips_drake.twin.certificate.tree import Poses, calc_poses, interpolate
 from pips_drake.twin.certificate.witness import Distances, Witness
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Segments of a span that is tried first.
-LONGEST_SPAN = 64
 #: Parts of a segment narrower than this are not cut any more; the bound then stays as loose as it
 #: is there. Only bodies that touch along a changing feature come near.
 NARROWEST = 2.0**-14
 _CLOSED = 3
 #: Distances after which a search gives up, and says that its bounds are not tight.
 MOST_QUERIES = 20_000
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Planes:
-    """W spans that cover every pair and instant, each with its plane.
-
-    A span goes from `first[w]` + `start[w]` to `last[w]` - 1 + `end[w]` in segments: over several
-    segments it is whole (start 0, end 1) and its normal fixed; in a single one the normal turns.
-
-    Attributes:
-        pair, first, last: (W,).
-        start, end: (W,).
-        normals: at both ends, in b's body, (W, 2, 3).
-        bounds: m, (W,).
-    """
-
-    pair: Indices
-    first: Indices
-    last: Indices
-    start: Array
-    end: Array
-    normals: Array
-    bounds: Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,16 +70,16 @@ class Certificate:
 class _Search:
     """The state of a search: spans, each with its best plane so far, and the best witness."""
 
-    def __init__(self, prepared: Prepared, tolerance: float) -> None:
-        self.prepared, self.tolerance = prepared, tolerance
-        self.distances = Distances(prepared)
-        segments, pairs = len(prepared.problem.times) - 1, len(prepared.problem.a)
-        first = np.arange(0, segments, LONGEST_SPAN)
-        last = np.minimum(first + LONGEST_SPAN, segments)
-        spans = len(first)
-        count = pairs * spans
-        self.pair = np.repeat(np.arange(pairs), spans)
-        self.first, self.last = np.tile(first, pairs), np.tile(last, pairs)
+    def __init__(
+        self,
+        prepared: Prepared,
+        distances: Distances,
+        aim: Aim,
+        spans: tuple[Indices, Indices, Indices],
+    ) -> None:
+        self.prepared, self.distances, self.aim = prepared, distances, aim
+        self.pair, self.first, self.last = spans
+        count = len(self.pair)
         self.start, self.end = np.zeros(count), np.ones(count)
         self.normals = np.full((count, 2, 3), np.nan)
         self.low = np.full(count, -np.inf)
@@ -109,15 +88,13 @@ class _Search:
         self._bound_spans(np.arange(count))
 
     @property
-    def best(self) -> float:
-        return self.distances.least
+    def floor(self) -> float:
+        """What a bound must reach, m."""
+        return self.aim.floor(self.distances.least)
 
     def run(self) -> None:
-        # A first witness, where planes that cost nothing are tightest.
-        w = int(np.argmin(self.low))
-        self.distances.query(int(self.pair[w]), int(self.first[w] + self.last[w]) // 2, 0.0)
         while True:
-            open_spans = np.flatnonzero(self.low < self.best - self.tolerance)
+            open_spans = np.flatnonzero(self.low < self.floor)
             narrow = self.end[open_spans] - self.start[open_spans] < NARROWEST
             open_spans = open_spans[~narrow & (self.stage[open_spans] < _CLOSED)]
             if not len(open_spans) or self.distances.queries >= MOST_QUERIES:
@@ -206,7 +183,7 @@ class _Search:
         for k, fraction in enumerate(fractions):
             n = self.distances.query(p, segment, fraction).normal
             at_ends.append(self._turning_bound(w, poses, (k, k), (n, n), 0.0))
-        return bool(self.low[w] >= min(at_ends) - 0.25 * self.tolerance)
+        return bool(self.low[w] >= min(at_ends) - 0.25 * self.aim.tolerance)
 
     def _bound_exactly(self, w: int) -> None:
         p, segment = int(self.pair[w]), int(self.first[w])
@@ -256,9 +233,7 @@ class _Search:
 
     def _spread(self, p: int, normal: Array) -> None:
         """A good plane of one span may do for the pair's others that still count."""
-        rows = np.flatnonzero(
-            (self.pair == p) & (self.stage < 2) & (self.low < self.best - self.tolerance)
-        )
+        rows = np.flatnonzero((self.pair == p) & (self.stage < 2) & (self.low < self.floor))
         if not len(rows):
             return
         self._bound_segments(rows, np.tile(normal, (len(rows), 2, 1)))
@@ -271,32 +246,75 @@ class _Search:
         )
 
 
-def certify(problem: Problem, *, tolerance: float = 1e-4) -> Certificate:
+def certify(
+    problem: Problem,
+    *,
+    tolerance: float = 1e-4,
+    enough: float = math.inf,
+    sweep: Sweep | None = None,
+) -> Certificate:
     """Bounds the least distance of a problem's pairs over its whole motion.
+
+    Args:
+        tolerance: how near the bounds must come to each other, m.
+        enough: a lower bound of this will do, m, however far the distance is above it.
+        sweep: of the problem's motion, if it is known.
 
     Raises:
         InputError: a free body turns too far between two knots.
     """
     began = time.perf_counter()
     require(tolerance > 0.0, "tolerance", f"{tolerance} m", "> 0")
-    search = _Search(Prepared(problem), tolerance)
-    search.run()
-    assert search.distances.witness is not None
+    check_free_turns(problem.tree, problem.knots)
+    aim, distances = Aim(tolerance, enough), Distances(problem)
+    if sweep is None:
+        sweep = make_sweep(problem.tree, problem.knots)
+    planes, left = cover_blocks(problem, sweep, distances, aim)
+    if len(left[0]):
+        planes = _join(planes, _search(problem, sweep, distances, aim, left))
+    assert distances.witness is not None
     return Certificate(
-        lower=float(min(search.low.min(), search.best)),
-        upper=search.best,
-        witness=search.distances.witness,
+        lower=float(min(planes.bounds.min(), distances.least)),
+        upper=distances.least,
+        witness=distances.witness,
         tolerance=tolerance,
-        queries=search.distances.queries,
+        queries=distances.queries,
         wall_s=time.perf_counter() - began,
-        planes=Planes(
-            pair=search.pair,
-            first=search.first,
-            last=search.last,
-            start=search.start,
-            end=search.end,
-            normals=search.normals,
-            bounds=search.low,
-        ),
+        planes=planes,
         problem=problem,
+    )
+
+
+def _search(
+    problem: Problem,
+    sweep: Sweep,
+    distances: Distances,
+    aim: Aim,
+    spans: tuple[Indices, Indices, Indices],
+) -> Planes:
+    """Planes for spans of pairs (pair, first and last knot) that need care."""
+    pair, first, last = spans
+    edges = np.zeros(len(problem.knots), dtype=np.int64)
+    np.add.at(edges, first, 1)
+    np.add.at(edges, last, -1)
+    segments = np.cumsum(edges)[:-1] > 0
+    prepared = Prepared(problem, poses=sweep.poses, pairs=np.unique(pair), segments=segments)
+    search = _Search(prepared, distances, aim, spans)
+    search.run()
+    return Planes(
+        pair=search.pair,
+        first=search.first,
+        last=search.last,
+        start=search.start,
+        end=search.end,
+        normals=search.normals,
+        swept=np.zeros(len(search.pair), dtype=np.bool_),
+        bounds=search.low,
+    )
+
+
+def _join(one: Planes, other: Planes) -> Planes:
+    names = [field.name for field in fields(Planes)]
+    return Planes(
+        **{name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in names}
     )

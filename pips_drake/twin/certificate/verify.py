@@ -209,7 +209,8 @@ def _parts_exist(proof: Proof) -> bool:
     inside &= proof.last <= len(proof.problem.times) - 1
     known = (proof.pair >= 0) & (proof.pair < len(proof.problem.a))
     within = (proof.start >= 0.0) & (proof.start < proof.end) & (proof.end <= 1.0)
-    return bool((inside & known & within & (whole | single)).all())
+    parts = whole | (single & ~proof.swept)
+    return bool((inside & known & within & parts).all())
 
 
 def _are_unit(vectors: Array) -> bool:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from pips_drake.twin.certificate.bound import relative
 from pips_drake.twin.certificate.distance import Closest, closest
-from pips_drake.twin.certificate.problem import Prepared
-from pips_drake.twin.certificate.tree import Poses, calc_poses, interpolate
+from pips_drake.twin.certificate.motion import chain
+from pips_drake.twin.certificate.problem import Problem
+from pips_drake.twin.certificate.tree import PRISMATIC, Poses, calc_poses, interpolate
 
 Array = NDArray[np.float64]
 
@@ -51,8 +52,8 @@ class Distances:
         witness: the least of all so far; None before the first.
     """
 
-    def __init__(self, prepared: Prepared) -> None:
-        self.prepared = prepared
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
         self.queries = 0
         self.witness: Witness | None = None
         self._known: dict[tuple[int, int, float], Closest] = {}
@@ -69,7 +70,7 @@ class Distances:
         key = (p, segment, fraction)
         if key in self._known:
             return self._known[key]
-        problem = self.prepared.problem
+        problem = self.problem
         if fraction == 0.0:
             q = problem.knots[segment]
         else:
@@ -80,7 +81,7 @@ class Distances:
         self._known[key] = found
         off = np.zeros(len(q))
         self._remember(p, segment, fraction, found, poses, off)
-        if self.prepared.motion.deviates:
+        if problem.deviation.any():
             off = self._worst_errors(p, found, poses)
             worse, poses = self._closest(p, q + off)
             self._remember(p, segment, fraction, worse, poses, off)
@@ -88,7 +89,7 @@ class Distances:
 
     def _closest(self, p: int, q: Array) -> tuple[Closest, Poses]:
         self.queries += 1
-        problem = self.prepared.problem
+        problem = self.problem
         poses = calc_poses(problem.tree, q[None])
         a, b = int(problem.a[p]), int(problem.b[p])
         R, t = np.empty((3, 3)), np.empty(3)
@@ -104,22 +105,18 @@ class Distances:
 
     def _worst_errors(self, p: int, found: Closest, poses: Poses) -> Array:
         """The joint errors that bring the nearest points nearer, to first order, (nq,)."""
-        problem, motion = self.prepared.problem, self.prepared.motion
+        problem, tree = self.problem, self.problem.tree
         body = problem.shapes.body[problem.b[p]]
         R, t = poses.rotation[0, body], poses.position[0, body]
         normal, point = R @ found.normal, R @ found.points[0] + t
         off = np.zeros(problem.knots.shape[1])
-        row = self.prepared.pairs.chain[p]
-        for joint, sign in zip(motion.bodies[row], motion.signs[row], strict=True):
-            if sign == 0:
-                break
+        for joint, sign in chain(tree, int(body), int(problem.shapes.body[problem.a[p]])):
+            i = int(tree.start[joint])
             axis = poses.axis[0, joint]
             moves = axis
-            if not motion.slides[joint]:
+            if tree.kind[joint] != PRISMATIC:
                 moves = np.cross(axis, point - poses.origin[0, joint, 1])
-            off[problem.tree.start[joint]] = (
-                -np.sign(sign * (normal @ moves)) * motion.deviation[joint]
-            )
+            off[i] = -np.sign(sign * (normal @ moves)) * problem.deviation[i]
         return off
 
     def _remember(
@@ -127,7 +124,7 @@ class Distances:
     ) -> None:
         if found.upper >= self.least:
             return
-        problem = self.prepared.problem
+        problem = self.problem
         body = problem.shapes.body[problem.b[p]]
         R, t = poses.rotation[0, body], poses.position[0, body]
         a, b = int(problem.a[p]), int(problem.b[p])
