@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pips_drake.errors import InputError
-from pips_drake.scene.packages import add_package
+from pips_drake.scene.packages import add_package, add_package_beside
 
 if TYPE_CHECKING:
     from pydrake.geometry import SceneGraph
@@ -34,8 +34,9 @@ def AddScene(
 ) -> list[ModelInstanceIndex]:
     """Adds the models of a scene file.
 
-    A `*.dmd.yaml` says itself where its models are welded. In any other file, what is not fixed to
-    the world is welded to `base_frame`, at the pose that the file gives it.
+    A `*.dmd.yaml` says itself where its models are welded; if a `package.xml` stands beside it, it
+    can name files of its folder as `package://NAME/...` with the name there. In any other file,
+    what is not fixed to the world is welded to `base_frame`, at the pose that the file gives it.
 
     Call `check_anchored` with the result once the plant is finalized.
 
@@ -202,6 +203,8 @@ def _add_models(plant: MultibodyPlant, file: Path) -> list[ModelInstanceIndex]:
     parser.SetStrictParsing()
     add_package(parser)
     try:
+        if file.name.endswith(DIRECTIVES):
+            add_package_beside(parser, file)
         return list(parser.AddModels(str(file)))
     # drake 1.51 exits where a mesh has faces of vertices that it lacks.
     except (RuntimeError, SystemExit) as error:

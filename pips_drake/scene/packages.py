@@ -12,6 +12,7 @@ file. Kinds of file, and where their names come from:
 - ``scene``: ``models/scenes/NAME.dmd.yaml``
 - ``scenario``: ``scenarios/NAME.yaml``
 - ``study``: ``studies/NAME.yaml``
+- ``joint motion``, ``obstacles``: none is shipped
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ _PATTERNS = {
     "scene": ("models/scenes/*.dmd.yaml",),
     "scenario": ("scenarios/*.yaml",),
     "study": ("studies/*.yaml",),
+    "joint motion": (),
+    "obstacles": (),
 }
 
 
@@ -94,6 +97,11 @@ def find_path_file(name: str, *, inside: Path | None = None) -> Path:
     return find_file("path", name, inside=inside)
 
 
+def find_joint_motion_file(name: str, *, inside: Path | None = None) -> Path:
+    """The file of a motion given by joints; see `find_file`."""
+    return find_file("joint motion", name, inside=inside)
+
+
 def find_model_file(name: str, *, inside: Path | None = None) -> Path:
     """The SDF file of a model's name; see `find_file`."""
     return find_file("model", name, inside=inside)
@@ -117,6 +125,17 @@ def find_study_file(name: str) -> Path:
 def add_package(parser: Parser) -> None:
     """Lets the parser resolve ``package://pips_drake/...``; a second call changes nothing."""
     parser.package_map().AddPackageXml(str(models_directory() / "package.xml"))
+
+
+def add_package_beside(parser: Parser, file: Path) -> None:
+    """Lets the parser resolve `package://` of the package that a file's folder is, if it is one.
+
+    Raises:
+        RuntimeError: the folder's `package.xml` names none, or one that is somewhere else.
+    """
+    package = file.absolute().parent / "package.xml"
+    if _is_file(package):
+        parser.package_map().AddPackageXml(str(package))
 
 
 def _data_root() -> Path:

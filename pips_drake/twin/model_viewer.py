@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from pips_drake.errors import InputError
 from pips_drake.scene.loading import DIRECTIVES, AddPlacedFrame
-from pips_drake.scene.packages import add_package, find_model_file, find_scene_file, list_names
+from pips_drake.scene.packages import (
+    add_package,
+    add_package_beside,
+    find_model_file,
+    find_scene_file,
+    list_names,
+)
 
 
 def view_model(name: str, *, once: bool = False) -> None:
@@ -29,6 +35,8 @@ def view_model(name: str, *, once: bool = False) -> None:
     if is_scene:
         AddPlacedFrame(visualizer.parser().plant(), "frame_0", RigidTransform())
     try:
+        if is_scene:
+            add_package_beside(visualizer.parser(), file)
         visualizer.parser().AddModels(str(file))
         visualizer.Finalize()
     except RuntimeError as error:
