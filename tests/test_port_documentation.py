@@ -8,6 +8,7 @@ import pkgutil
 import re
 import textwrap
 
+import numpy as np
 import pytest
 import yaml
 from pydrake.multibody.parsing import Parser
@@ -17,8 +18,10 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 import pips_drake
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.joint_motion import JointMotion
 from pips_drake.serpentine.motion_profile import RestToRestProfile
 from pips_drake.serpentine.path_file import load_path
+from pips_drake.serpentine.planned_motion import GivenJoints
 from pips_drake.serpentine.sdf import make_sdf
 
 
@@ -46,10 +49,12 @@ def arguments() -> dict[str, object]:
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 1e-3)
     (model,) = Parser(plant).AddModelsFromString(make_sdf(arm), "sdf")
     plant.Finalize()
+    motion = JointMotion(times=np.array([0.0, 1.0]), joints=np.tile(arm.joint_home, (2, 1)))
     return {
         "arm": arm,
         "bodies": [[1, 2]] * COUNTS["A"],
         "body_index": 1,
+        "given": GivenJoints(arm=arm, motion=motion, name="joints"),
         "gravity": [0.0, 0.0, -9.81],
         "model": model,
         "path": load_path("trajectory_4"),

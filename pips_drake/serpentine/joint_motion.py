@@ -53,3 +53,19 @@ class JointMotion:
         """Joints (N, J) m and rad at times (N,) s; before and after it they rest."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return np.stack([np.interp(t, self.times, column) for column in self.joints.T], axis=-1)
+
+    def state(self, time: float) -> tuple[Array, Array]:
+        """Joints (J,) m and rad at a time (s), and their rates there, (J,) m/s and rad/s.
+
+        At a row the rates are those of the line that leads to it; before the first row they are
+        those of the first line, after the last those of the last.
+        """
+        row = int(np.searchsorted(self.times, time)) - 1
+        row = min(max(row, 0), len(self.times) - 2)
+        step = self.times[row + 1] - self.times[row]
+        rates: Array = (self.joints[row + 1] - self.joints[row]) / step
+        # From the nearer end, so that rows are met to the last digit.
+        share = min(max((time - self.times[row]) / step, 0.0), 1.0)
+        near, far = (row, share) if share <= 0.5 else (row + 1, share - 1.0)
+        joints: Array = self.joints[near] + far * step * rates
+        return joints, rates

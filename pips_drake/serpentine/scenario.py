@@ -307,7 +307,7 @@ class CameraConfig:
 
 @dataclass
 class SerpentineScenario:
-    """A serpentine arm that follows a path in a scene. File: `scenarios/*.yaml`."""
+    """A serpentine arm that moves in a scene. File: `scenarios/*.yaml`."""
 
     # Chooses this type among the machines' scenarios.
     machine: str = "serpentine"
@@ -315,7 +315,13 @@ class SerpentineScenario:
     description: str = ""
     # A shipped name, or a file inside the scenario's own folder.
     arm: str = "prototype"
+    # What it does; one of the two. A path of the tip, which the arm follows.
     path: str = ""
+    # Joints over time, for what no single path describes: a file inside the scenario's own folder,
+    # .csv or .npz (`joint_motion_file`). Of `motion`, only dwell_s, retract and settle_s act then.
+    joints: str = ""
+    # joints: where along z0 the rail is set up, for an arm whose rail is placed for the path, m.
+    rail_shift_m: float = 0.0
     # A shipped name or file; empty for no scene.
     scene: str = ""
     # Split the scene's meshes into convex parts (extra `meshes`); otherwise each collides as its
@@ -348,7 +354,14 @@ class SerpentineScenario:
 
     def validate(self) -> None:
         require(self.machine == "serpentine", "machine", self.machine, "serpentine")
-        require(self.path != "", "path", "''", "a shipped path or a file")
+        both = self.path != "" and self.joints != ""
+        require(not both, "joints", f"'{self.joints}'", "empty with a path")
+        given = self.path != "" or self.joints != ""
+        require(given, "path", "''", "a shipped path or a file, or joints given")
+        shift = self.rail_shift_m
+        require(abs(shift) <= 1000.0, "rail_shift_m", shift, "within +-1000")
+        good = shift == 0.0 or self.joints != ""
+        require(good, "rail_shift_m", shift, "0 with a path, which places the rail itself")
         mounting_rotation(self.mounting)
         position = self.mounting_position_m
         good = len(position) == 3 and max(map(abs, position)) <= 1000.0

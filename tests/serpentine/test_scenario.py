@@ -22,6 +22,8 @@ machine: serpentine
 description: everything that can be said
 arm: prototype
 path: trajectory_3
+joints: ""
+rail_shift_m: 0.0
 scene: trajectory_4
 decompose_meshes: true
 corner_deviation_in: 0.1
@@ -151,8 +153,8 @@ def test_one_of_everything_sets_every_field(tmp_path):
     values, defaults = leaves(scenario), leaves(default)
     missing = set(values) - set(leaves_of_yaml(yaml.safe_load(ONE_OF_EVERYTHING)))
     assert not missing, f"new fields, to be added to ONE_OF_EVERYTHING: {sorted(missing)}"
-    # These have one allowed value, or the default is what they should say here.
-    same = {"machine", "arm", "actuation.fidelity"}
+    # These have one allowed value, or the default is what they should say here (a path is given).
+    same = {"machine", "arm", "actuation.fidelity", "joints", "rail_shift_m"}
     assert {name for name in values if values[name] == defaults[name]} == same
 
 

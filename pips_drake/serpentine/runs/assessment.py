@@ -18,11 +18,10 @@ from pips_drake.serpentine.drives import (
     drives_from_joints,
     levers,
 )
-from pips_drake.serpentine.follow_the_leader import FollowTheLeader
-from pips_drake.serpentine.plan import joint_margins, posture_deviation
+from pips_drake.serpentine.plan import joint_margins
+from pips_drake.serpentine.planned_motion import PlannedMotion
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
 from pips_drake.serpentine.station import SerpentineSetup
-from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.units import DEGREE
 
 Array = NDArray[np.float64]
@@ -36,14 +35,16 @@ class RunData:
 
     Attributes:
         time: (N,) s.
-        tip_arc_lengths: where the tip was commanded, (N,) m.
-        commanded_joints: follow-the-leader's joints, (N, J).
+        tip_arc_lengths: how far along its way the motion was commanded, (N,) m: of a path the
+            tip's arc length.
+        commanded_joints: where the joints were sent, (N, J).
         joints, joint_rates: what the plant did, (N, J).
         joint_efforts: of the plant's drives, (N, J), N and Nm; NaN before the first step.
         clearance: arm to scene, (N,) m, at most the monitor's range.
         self_clearance: arm to arm and rail, (N,) m.
         pairs: the nearest bodies, N of them; None where nothing was in range.
-        solution: spine error (m) and iterations of the controller, (N, 2).
+        solution: spine error (m) and iterations of the controller, (N, 2); None if the joints were
+            given.
         witness: nearest points on arm and scene, (N, 2, 3) m in the world; NaN where nothing was in
             range. None if not recorded.
         built: the arm that did it; None for the one that the plan believes in.
@@ -58,7 +59,7 @@ class RunData:
     clearance: Array
     self_clearance: Array
     pairs: tuple[Pair | None, ...]
-    solution: Array
+    solution: Array | None
     witness: Array | None = None
     built: SerpentineArm | None = None
 
@@ -73,8 +74,7 @@ class Assessment:
     """
 
     arm: SerpentineArm
-    path: TipPath
-    solver: FollowTheLeader
+    motion: PlannedMotion
     checks: CheckConfig
     data: RunData
     clearance_range: float
@@ -84,8 +84,7 @@ class Assessment:
         """Of a scenario's run."""
         return Assessment(
             arm=setup.arm,
-            path=setup.path,
-            solver=setup.solver,
+            motion=setup.motion,
             checks=scenario.checks,
             data=data,
             clearance_range=scenario.clearance_range_m,
@@ -132,12 +131,10 @@ class Assessment:
         return np.minimum(lengths - linkage.length_lower, linkage.length_upper - lengths)
 
     @cached_property
-    def deviation(self) -> Array:
-        """Farthest point of the simulated centre line from the path, (N,) m."""
-        solution = self.solver.solve(self.path, self.data.tip_arc_lengths)
-        return posture_deviation(
-            self.built, self.path, self.data.joints, solution.spine_arc_lengths
-        )
+    def deviation(self) -> Array | None:
+        """Farthest point of the simulated centre line from the path, (N,) m; None without one."""
+        data = self.data
+        return self.motion.path_deviation(self.built, data.joints, data.tip_arc_lengths)
 
     @property
     def nearest(self) -> int:
@@ -160,7 +157,7 @@ class Assessment:
             "self_clearance_sampled_min_m": data.self_clearance.min(),
             "tip_error_max_m": self.spine_errors[:, -1].max(),
             "spine_error_max_m": self.spine_errors.max(),
-            "path_deviation_max_m": self.deviation.max(),
+            "path_deviation_max_m": None if self.deviation is None else self.deviation.max(),
             "joint_margin_min_rad": hinge.min(),
             "joint_margin_min_joint": self.arm.joint_names[worst_joint],
             "rail_margin_min_m": rail.min(),

@@ -9,26 +9,23 @@ from typing import Any
 import numpy as np
 
 from pips_drake.scene.packages import list_names
-from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.joint_motion import JointMotion
 from pips_drake.serpentine.runs.certified import (
     CertifiedMotion,
     certified_clearance,
     certify,
-    commanded_motion,
     write_proof,
 )
-from pips_drake.serpentine.runs.follow import drive_numbers, plan_numbers, write_plan_figures
-from pips_drake.serpentine.runs.motion_report import motion_report
 from pips_drake.serpentine.runs.placed_arm import PlacedArm, place_arm
-from pips_drake.serpentine.runs.scene_report import report_scene, scenario_text
+from pips_drake.serpentine.runs.planned import PlannedRun, Postures, planned_knots, planned_run
+from pips_drake.serpentine.runs.scene_report import (
+    report_scene,
+    scenario_text,
+    with_joint_motion_file,
+)
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
-from pips_drake.serpentine.station import (
-    SerpentineSetup,
-    gravity_in_frame_0,
-    load_setup,
-    make_profile,
-)
+from pips_drake.serpentine.station import gravity_in_frame_0, load_setup
 from pips_drake.twin.clearance import ClearanceQuery, LeastDistance
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.run_figures import clearance_figure
@@ -51,13 +48,15 @@ def check(
     force: bool = False,
     folder: Path | None = None,
     scene_file: Path | None = None,
+    joint_motion: JointMotion | None = None,
 ) -> Verdict:
-    """Plans a scenario's path and judges the plan: limits, clearance, forces and speeds.
+    """Plans a scenario's motion and judges the plan: limits, clearance, forces and speeds.
 
     Postures are a quarter inch of tip travel apart. Clearance is sampled at them, and certified for
     the whole commanded motion (`certified`); forces are those of statics in the scenario's
     mounting; speeds are those at its tip speed. If the fastest motion is wanted, forces and
-    speeds are those of that motion.
+    speeds are those of that motion. Of joints that are given, so are speeds; postures are taken
+    where the arm's fastest point has gone a quarter inch.
 
     Args:
         name: for the summary.
@@ -65,24 +64,28 @@ def check(
         force: replace an earlier result there.
         folder: where the scenario's relative file names start.
         scene_file: stands for the scenario's scene.
+        joint_motion: stands for the scenario's path or joints; the rail then stands at the
+            scenario's `rail_shift_m`.
 
     Raises:
         InputError: something that the scenario names cannot be used; nothing is written.
     """
-    setup = load_setup(scenario, folder=folder, scene_file=scene_file)
+    setup = load_setup(scenario, folder=folder, scene_file=scene_file, joint_motion=joint_motion)
+    # The plan knows of no fault; a displaced payload stands where it is believed to stand.
+    planned = planned_run(dataclasses.replace(scenario, faults=[]), setup)
     if out is None:
-        return _check(scenario, setup, name)[0]
+        return _check(planned, name)[0]
     with output_folder(out, force=force) as partial:
         pictures = partial / "figures"
         pictures.mkdir()
-        verdict, plan, clearance, certified = _check(scenario, setup, name, figures=pictures)
-        write_plan_figures(pictures, plan)
+        verdict, clearance, certified = _check(planned, name, figures=pictures)
+        planned.write_figures(pictures)
         if certified is not None:
             write_proof(partial / "proof_commanded.npz", certified)
         if clearance:
             clearance_figure(
                 pictures / "clearance.png",
-                plan.solution.tip_arc_lengths[plan.solution.solved] - plan.path.home_arc_length,
+                planned.postures.ways,
                 [scene.distance for scene, _ in clearance],
                 pair=min((scene for scene, _ in clearance), key=lambda s: s.distance).pair,
                 threshold=scenario.checks.clearance_min_mm * 1e-3,
@@ -91,6 +94,7 @@ def check(
                 x_axis=("tip travel", "m"),
                 certified=certified_clearance(certified),
             )
+        scenario = with_joint_motion_file(scenario, setup, partial)
         write_whole(partial / "scenario.yaml", scenario_text(scenario))
         write_summary(partial / "summary.json", verdict.summary)
     return Verdict(failures=verdict.failures, summary=verdict.summary, folder=out)
@@ -100,18 +104,12 @@ Clearances = list[tuple[LeastDistance, LeastDistance]]
 
 
 def _check(
-    scenario: SerpentineScenario,
-    setup: SerpentineSetup,
-    name: str,
-    *,
-    figures: Path | None = None,
-) -> tuple[Verdict, Plan, Clearances, CertifiedMotion | None]:
-    # The plan knows of no fault; a displaced payload stands where it is believed to stand.
-    scenario = dataclasses.replace(scenario, faults=[])
+    planned: PlannedRun, name: str, *, figures: Path | None = None
+) -> tuple[Verdict, Clearances, CertifiedMotion | None]:
+    scenario, setup = planned.scenario, planned.setup
     scene = report_scene(scenario, setup, figures=figures)
-    plan = make_plan(setup.arm, setup.path)
-    failures = list(plan.failures)
-    summary = plan_numbers(plan) | scene
+    failures = [*planned.failures, *planned.warnings]
+    summary = planned.numbers() | scene
     summary |= {
         "scenario": name,
         "scene": scenario.scene or None,
@@ -119,26 +117,24 @@ def _check(
     }
     clearance: Clearances = []
     certified = None
-    if plan.solution.solved.any():
+    postures = planned.postures
+    if len(postures.joints):
         placed = place_arm(scenario, setup)
-        clearance = _sample_clearance(plan, scenario, placed)
+        clearance = _sample_clearance(postures, scenario, placed)
         gravity = gravity_in_frame_0(placed.plant)
-        efforts = holding_efforts(setup.arm, plan.joints[plan.solution.solved], gravity)
-        speed = scenario.motion.tip_speed_mm_per_s * 1e-3
-        summary |= drive_numbers(plan, efforts, speed) | _clearance_numbers(plan, clearance)
-        if plan.followable:
-            motion, more = motion_report(
-                scenario, setup, figure=figures and figures / "fastest_motion.png"
-            )
+        summary |= planned.drive_numbers(holding_efforts(setup.arm, postures.joints, gravity))
+        summary |= _clearance_numbers(postures, clearance)
+        if not planned.failures:
+            motion, more = planned.motion_numbers(figures)
             summary |= motion
             failures += more
-        failures += _failures(scenario, plan, clearance, summary)
-        if scenario.certificate.enabled and plan.followable and "motion_duration_s" in summary:
+        failures += _failures(scenario, planned, clearance, summary)
+        if scenario.certificate.enabled and not planned.failures and "motion_duration_s" in summary:
             certified, numbers, more = certify(
                 "commanded",
                 scenario,
                 setup,
-                commanded_motion(scenario, setup, make_profile(scenario, setup)),
+                planned_knots(scenario, setup),
                 placed,
                 sampled={
                     "clearance": summary["clearance_sampled_min_m"],
@@ -152,28 +148,32 @@ def _check(
         "failures": failures,
         "versions": versions(),
     }
-    return Verdict(failures=tuple(failures), summary=summary), plan, clearance, certified
+    return Verdict(failures=tuple(failures), summary=summary), clearance, certified
 
 
-def _sample_clearance(plan: Plan, scenario: SerpentineScenario, placed: PlacedArm) -> Clearances:
+def _sample_clearance(
+    postures: Postures, scenario: SerpentineScenario, placed: PlacedArm
+) -> Clearances:
     query = ClearanceQuery(placed.plant, [placed.model], max_distance=scenario.clearance_range_m)
-    return [query.least(scene) for scene in placed.posed(plan.joints[plan.solution.solved])]
+    return [query.least(scene) for scene in placed.posed(postures.joints)]
 
 
-def _clearance_numbers(plan: Plan, clearance: Clearances) -> dict[str, Any]:
-    solved = plan.solution.tip_arc_lengths[plan.solution.solved]
+def _clearance_numbers(postures: Postures, clearance: Clearances) -> dict[str, Any]:
     least = int(np.argmin([scene.distance for scene, _ in clearance]))
     return {
         "clearance_sampled_min_m": clearance[least][0].distance,
         "clearance_min_pair": list(clearance[least][0].pair),
-        "clearance_min_tip_arc_length_m": solved[least],
+        f"clearance_min_{postures.index}": postures.indices[least],
         "clearance_in_range": bool(clearance[least][0].pair),
         "self_clearance_sampled_min_m": min(own.distance for _, own in clearance),
     }
 
 
 def _failures(
-    scenario: SerpentineScenario, plan: Plan, clearance: Clearances, numbers: dict[str, Any]
+    scenario: SerpentineScenario,
+    planned: PlannedRun,
+    clearance: Clearances,
+    numbers: dict[str, Any],
 ) -> list[str]:
     checks, found = scenario.checks, []
     least = numbers["clearance_sampled_min_m"]
@@ -181,9 +181,9 @@ def _failures(
         robot, other = numbers["clearance_min_pair"]
         word = "penetrates" if least < 0.0 else "comes too near to"
         found.append(
-            f"{robot} {word} {other}: {least * 1e3:.1f} mm with the tip at "
-            f"{numbers['clearance_min_tip_arc_length_m']:.4f} m of path '{plan.path.name}'; must "
-            f"be >= {checks.clearance_min_mm:g} mm"
+            f"{robot} {word} {other}: {least * 1e3:.1f} mm "
+            f"{planned.where(numbers[f'clearance_min_{planned.postures.index}'])}; must be >= "
+            f"{checks.clearance_min_mm:g} mm"
         )
     own = numbers["self_clearance_sampled_min_m"]
     if own < checks.self_clearance_min_mm * 1e-3:
@@ -196,6 +196,8 @@ def _failures(
         ("drive_effort_max_fraction", checks.force_fraction_max, "effort"),
         ("drive_speed_max_fraction", checks.speed_fraction_max, "speed"),
     ):
+        if what == "speed" and planned.warnings:
+            continue  # which say when, too
         if numbers[key] > limit:
             found.append(
                 f"a drive needs {100.0 * numbers[key]:.0f} % of its {what} limit; must be <= "

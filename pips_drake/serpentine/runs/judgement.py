@@ -10,14 +10,14 @@ from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.certified import (
     CertifiedMotion,
     certify,
-    commanded_motion,
     write_proof,
 )
 from pips_drake.serpentine.runs.hit import find_hit
 from pips_drake.serpentine.runs.placed_arm import PlacedArm, place_arm
+from pips_drake.serpentine.runs.planned import planned_knots
 from pips_drake.serpentine.runs.run import Run
 from pips_drake.serpentine.scenario import SerpentineScenario
-from pips_drake.serpentine.station import SerpentineSetup, make_profile
+from pips_drake.serpentine.station import SerpentineSetup
 from pips_drake.twin.motion_record import RecordedMotion
 
 
@@ -82,7 +82,7 @@ def _certify_commanded(
     scenario: SerpentineScenario, setup: SerpentineSetup, placed: PlacedArm, proofs: Path | None
 ) -> dict[str, Any]:
     """Certifies the commanded motion and writes its proof; returns the summary's part."""
-    motion = commanded_motion(scenario, setup, make_profile(scenario, setup))
+    motion = planned_knots(scenario, setup)
     certified, summary, _ = certify("commanded", scenario, setup, motion, placed)
     if certified is not None and proofs is not None:
         write_proof(proofs / "proof_commanded.npz", certified)

@@ -13,6 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from pips_drake.serpentine.planned_motion import PlannedMotion
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.runs.supervised import RunDecision
 from pips_drake.serpentine.scenario import SerpentineScenario
@@ -23,7 +24,6 @@ from pips_drake.serpentine.station import (
     make_plant,
     mounting_pose,
 )
-from pips_drake.serpentine.tip_path import TipPath
 from pips_drake.twin.camera import PinholeCamera
 from pips_drake.twin.figures import COLORS, figure_style, new_figure, save_figure
 from pips_drake.twin.rendering import (
@@ -50,8 +50,6 @@ MOMENT_DISTANCE = 2.2
 NEAREST_COLOR = (0.902, 0.0, 0.494)
 #: A run that is held again and again has more decisions than a page has room for.
 MOST_DECISIONS = 6
-#: Points at which a path is drawn.
-PATH_POINTS = 300
 
 
 def write_run_pictures(
@@ -67,7 +65,7 @@ def write_run_pictures(
         return missing
     data = assessment.data
     end = int(np.argmax(data.tip_arc_lengths))
-    travel = data.tip_arc_lengths - setup.path.home_arc_length
+    travel = data.tip_arc_lengths - setup.motion.start
     stages = {}
     for share in (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0):
         sample = int(np.argmax(travel[: end + 1] >= share * travel[end] - 1e-9))
@@ -121,7 +119,7 @@ def stages_figure(
     rows = (len(postures) + 1) // 2
     X_WC = None
     with figure_style():
-        figure = new_figure(3.3 * rows, title=f"Stages of {setup.path.name}")
+        figure = new_figure(3.3 * rows, title=f"Stages of {setup.motion.name}")
         layout = figure.add_gridspec(rows, 2)
         for number, (caption, joints) in enumerate(postures.items()):
             plant.SetPositions(plant.GetMyContextFromRoot(context), model, np.asarray(joints))
@@ -143,13 +141,12 @@ def scene_figure(file: Path, scenario: SerpentineScenario, setup: SerpentineSetu
     diagram, _, scene_graph, _ = _make_posed(scenario, setup, rendered=True)
     context = diagram.CreateDefaultContext()
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
-    path, X_W0 = setup.path, arm_pose(scenario, setup)
-    arc_lengths = np.linspace(0.0, path.length, PATH_POINTS)
-    points, marks = ((X_W0 @ path.point(s).T).T for s in (arc_lengths, path.marks))
+    motion, X_W0 = setup.motion, arm_pose(scenario, setup)
+    points, marks = ((X_W0 @ line.T).T for line in (motion.line, motion.marks))
     X_WC = fit_view(np.vstack([corner_points(query), points]), view_direction(scenario), size=SIZE)
     camera = PinholeCamera(width=SIZE[0], height=SIZE[1], field_of_view=FIELD_OF_VIEW)
     with figure_style():
-        figure = new_figure(6.4, title=f"Scene and path {path.name}")
+        figure = new_figure(6.4, title=f"Scene and path {motion.name}")
         axes = figure.add_subplot()
         axes.imshow(render_view(query, X_WC, size=SIZE))
         axes.set_axis_off()
@@ -241,7 +238,7 @@ def run_bookmarks(assessment: Assessment, decisions: Sequence[RunDecision] = ())
         line = LineInSpace(name="nearest", points=data.witness[sample], color=NEAREST_COLOR)
         label = f"{words} {data.clearance[sample] * 1e3:.0f} mm"
         found.append(Bookmark(label=label, time=float(data.time[sample]), line=line))
-    arrived = run_phases(data, assessment.path).get("dwell")
+    arrived = run_phases(data, assessment.motion).get("dwell")
     if arrived is not None:
         found.append(Bookmark(label="end of path", time=arrived))
     for decision in decisions[:MOST_DECISIONS]:
@@ -249,10 +246,10 @@ def run_bookmarks(assessment: Assessment, decisions: Sequence[RunDecision] = ())
     return found
 
 
-def run_phases(data: RunData, path: TipPath) -> dict[str, float]:
+def run_phases(data: RunData, motion: PlannedMotion) -> dict[str, float]:
     """When a run's phases begin, s: extend, and dwell and retract if it came to them."""
     phases = {"extend": float(data.time[0])}
-    at_end = np.flatnonzero(data.tip_arc_lengths >= path.length - 1e-9)
+    at_end = np.flatnonzero(data.tip_arc_lengths >= motion.end - 1e-9)
     if at_end.size > 0:
         phases["dwell"] = float(data.time[at_end[0]])
         if at_end[-1] + 1 < data.time.size:
@@ -294,7 +291,6 @@ def write_run_replay(
     # A point ahead of the eye, as far as the middle of what is seen: the page turns about it.
     eye, ahead = X_WC.translation(), X_WC.rotation().col(2)
     target = eye + ahead * float((corners.mean(axis=0) - eye) @ ahead)
-    path = setup.path.point(np.linspace(0.0, setup.path.length, PATH_POINTS))
     X_W0: RigidTransform = arm_pose(scenario, setup)
     write_replay(
         file,
@@ -309,7 +305,7 @@ def write_run_replay(
         title=title,
         note=note,
         seen=seen,
-        lines=[LineInSpace(name="tip path", points=(X_W0 @ path.T).T)],
+        lines=[LineInSpace(name="tip path", points=(X_W0 @ setup.motion.line.T).T)],
         bookmarks=bookmarks,
         phases=phases,
     )

@@ -27,8 +27,10 @@ from pips_drake.serpentine.station import (
     VISUAL_PERIOD,
     MakeSerpentineStation,
     MakeSimulator,
+    MotionNames,
     SerpentineSetup,
     built_arm,
+    motion_names,
 )
 from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion, RecordedSteps
 from pips_drake.twin.simulation import RunTime, advance
@@ -38,9 +40,6 @@ Array = NDArray[np.float64]
 _LOGGED = (
     "plant.state",
     "plant.net_actuation",
-    "tip_path_source.tip",
-    "follow_the_leader.joint_state",
-    "follow_the_leader.solution",
     "clearance_monitor.clearance",
     "clearance_monitor.witness",
 )
@@ -102,11 +101,9 @@ class Run:
     supervised: Supervised | None = None
 
 
-def commanded_port(scenario: SerpentineScenario) -> str:
+def commanded_port(scenario: SerpentineScenario, names: MotionNames) -> str:
     """The station's port whose joints the drives follow."""
-    return (
-        "camera_pointer.joint_state" if scenario.camera.enabled else "follow_the_leader.joint_state"
-    )
+    return "camera_pointer.joint_state" if scenario.camera.enabled else names.joint_state
 
 
 def make_run_diagram(
@@ -124,7 +121,7 @@ def make_run_diagram(
         meshcat: shows the run while it goes on.
         lcm: where Meldis is told of it; Drake's default address without it.
     """
-    station = MakeSerpentineStation(scenario, setup=setup)
+    station, names = MakeSerpentineStation(scenario, setup=setup), motion_names(setup.motion)
     builder = DiagramBuilder()
     builder.AddNamedSystem("station", station)
     period = 1.0 / scenario.clocks.record_hz
@@ -133,6 +130,7 @@ def make_run_diagram(
     legs = ("plant.legs_state", "loop_gap_meter.gap")
     for port in (
         *_LOGGED,
+        *(port for port in names.ports if port != names.phase),
         *(camera if scenario.camera.enabled else ()),
         *(legs if scenario.actuation.fidelity == "truss" else ()),
     ):
@@ -158,7 +156,7 @@ def make_run_diagram(
         )
     diagram = builder.Build()
     diagram.set_name("serpentine_run")
-    duration = station.GetSubsystemByName("tip_path_source").duration + scenario.motion.settle_s
+    duration = station.GetSubsystemByName(names.source).duration + scenario.motion.settle_s
     if scenario.duration_s > 0.0:
         duration = min(duration, scenario.duration_s)
     return RunDiagram(
@@ -166,7 +164,9 @@ def make_run_diagram(
         station=station,
         logs=logs,
         duration=duration,
-        end=RunEnd(station, decisions.get("motion_supervisor.mode"), scenario, duration),
+        end=RunEnd(
+            station, decisions.get("motion_supervisor.mode"), scenario, duration, names=names
+        ),
         recorder=recorder,
     )
 
@@ -189,7 +189,7 @@ def run_station(
         prepare: called with the station and the root context before the run: begins it elsewhere.
     """
     built = make_run_diagram(scenario, setup, meshcat=meshcat, lcm=lcm, every_step=every_step)
-    station = built.station
+    station, names = built.station, motion_names(setup.motion)
     simulator = MakeSimulator(built.diagram, scenario)
     if prepare is not None:
         prepare(station, simulator.get_mutable_context())
@@ -211,8 +211,8 @@ def run_station(
     efforts[0] = np.nan  # the plant has made no step yet, so nothing has acted
     data = RunData(
         time=recorded["plant.state"].sample_times(),
-        tip_arc_lengths=rows["tip_path_source.tip"][:, 0],
-        commanded_joints=rows[commanded_port(scenario)][:, :joints],
+        tip_arc_lengths=rows[names.tip][:, 0],
+        commanded_joints=rows[commanded_port(scenario, names)][:, :joints],
         joints=rows["plant.state"][:, :joints],
         joint_rates=rows["plant.state"][:, joints:],
         joint_efforts=efforts,
@@ -220,7 +220,7 @@ def run_station(
         self_clearance=rows["clearance_monitor.clearance"][:, 2],
         witness=rows["clearance_monitor.witness"][:, 1:].reshape(-1, 2, 3),
         pairs=tuple(monitor.pair_name(row[0]) for row in rows["clearance_monitor.witness"]),
-        solution=rows["follow_the_leader.solution"],
+        solution=rows.get("follow_the_leader.solution"),
         built=built_arm(setup, scenario.faults),
     )
     legs = None
@@ -236,7 +236,7 @@ def run_station(
             log=read_log(built.logs, context, scenario.clocks),
             stopping_time=station.GetSubsystemByName("motion_supervisor").thresholds.stopping_time,
             data=data,
-            phase=float(station.GetOutputPort("tip_path_source.phase").Eval(mine)[0]),
+            phase=float(station.GetOutputPort(names.phase).Eval(mine)[0]),
             whole=scenario.duration_s <= 0.0,
             pair_name=monitor.pair_name,
         )

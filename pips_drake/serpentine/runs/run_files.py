@@ -27,14 +27,15 @@ Array = NDArray[np.float64]
 
 def write_series(folder: Path, assessment: Assessment) -> None:
     arm, data = assessment.arm, assessment.data
-    tip = np.column_stack(
-        [
-            data.tip_arc_lengths,
-            assessment.spine_errors[:, -1],
-            assessment.spine_errors.max(axis=1),
-            assessment.deviation,
-        ]
-    )
+    tip = [
+        data.tip_arc_lengths,
+        assessment.spine_errors[:, -1],
+        assessment.spine_errors.max(axis=1),
+    ]
+    tip_columns = ["tip_arc_length_m", "tip_error_m", "spine_error_m"]
+    if assessment.deviation is not None:
+        tip.append(assessment.deviation)
+        tip_columns.append("path_deviation_m")
     clearance = np.column_stack([data.clearance, data.self_clearance])
     for name, values, columns in (
         ("joints", data.joints, arm.joint_columns),
@@ -45,11 +46,7 @@ def write_series(folder: Path, assessment: Assessment) -> None:
             drive_columns(arm) + effort_columns(arm),
         ),
         ("clearance", clearance, ("clearance_m", "self_clearance_m")),
-        (
-            "tip",
-            tip,
-            ("tip_arc_length_m", "tip_error_m", "spine_error_m", "path_deviation_m"),
-        ),
+        ("tip", np.column_stack(tip), tuple(tip_columns)),
     ):
         series = Series(time=data.time, values=values, columns=columns)
         write_csv(series, folder / f"{name}.csv")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,16 @@ from pips_drake.config import dump_yaml
 from pips_drake.scene.loading import describe_placement
 from pips_drake.scene.packages import list_names
 from pips_drake.scene.shapes import describe_shapes, scene_frames
+from pips_drake.serpentine.joint_motion_file import write_joint_motion
+from pips_drake.serpentine.planned_motion import GivenJoints
 from pips_drake.serpentine.runs.pictures import view_direction
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import BASE_FRAME, SerpentineSetup, make_plant
 from pips_drake.twin.rendering import render_available
 from pips_drake.twin.shapes_figure import shapes_figure
+
+#: Longer motions are written as archives instead of tables.
+_MOST_TABLE_ROWS = 5000
 
 
 def report_scene(
@@ -78,6 +84,22 @@ def without_lost_target(
         f"no camera: its target '{target}' is not in this scene; --set camera.enabled=true "
         f"camera.target_body=BODY looks at another one (known: {known})"
     ]
+
+
+def with_joint_motion_file(
+    scenario: SerpentineScenario, setup: SerpentineSetup, folder: Path
+) -> SerpentineScenario:
+    """The scenario as it can be run again from a folder: joints that are given are written there.
+
+    A scenario whose motion follows a path is returned as it is.
+    """
+    if not isinstance(setup.motion, GivenJoints):
+        return scenario
+    motion = setup.motion.motion
+    suffix = ".csv" if len(motion.times) <= _MOST_TABLE_ROWS else ".npz"
+    file = folder / f"joint_motion{suffix}"
+    write_joint_motion(file, setup.arm, motion)
+    return dataclasses.replace(scenario, path="", joints=file.name, rail_shift_m=setup.rail_shift)
 
 
 def scenario_text(scenario: SerpentineScenario) -> str:

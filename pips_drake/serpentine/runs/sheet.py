@@ -33,7 +33,8 @@ def write_run_sheet(
         for file, caption in files
         if file.is_file()
     ]
-    title = f"{summary['scenario']}: arm {summary['arm']} on path {summary['path']}"
+    motion = f"on path {summary['path']}" if "path" in summary else "with its joints given"
+    title = f"{summary['scenario']}: arm {summary['arm']} {motion}"
     sheet = Sheet(
         title=title,
         passed=not failures,

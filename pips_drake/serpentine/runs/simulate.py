@@ -14,18 +14,17 @@ from pydrake.geometry import (
 )
 
 from pips_drake.errors import NotFollowableError
-from pips_drake.serpentine.plan import Plan, make_plan
+from pips_drake.serpentine.joint_motion import JointMotion
 from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.film import film_run
-from pips_drake.serpentine.runs.follow import plan_numbers, write_plan_figures
 from pips_drake.serpentine.runs.judgement import judge_run
-from pips_drake.serpentine.runs.motion_report import motion_report
 from pips_drake.serpentine.runs.pictures import (
     run_bookmarks,
     run_phases,
     write_run_pictures,
     write_run_replay,
 )
+from pips_drake.serpentine.runs.planned import PlannedRun, planned_run
 from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.runs.run_files import (
     write_diagram,
@@ -36,6 +35,7 @@ from pips_drake.serpentine.runs.run_files import (
 from pips_drake.serpentine.runs.scene_report import (
     report_scene,
     scenario_text,
+    with_joint_motion_file,
     without_lost_target,
 )
 from pips_drake.serpentine.runs.sheet import write_run_sheet
@@ -43,6 +43,7 @@ from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import (
     SerpentineSetup,
     load_setup,
+    motion_names,
     plant_time_step,
 )
 from pips_drake.twin.output_folder import output_folder, write_whole
@@ -63,6 +64,7 @@ def simulate(
     folder: Path | None = None,
     scene_file: Path | None = None,
     meshcat: Meshcat | None = None,
+    joint_motion: JointMotion | None = None,
 ) -> Verdict:
     """Plans, simulates and judges a scenario, and writes its folder.
 
@@ -73,38 +75,40 @@ def simulate(
         folder: where the scenario's relative file names start.
         scene_file: stands for the scenario's scene; a camera whose target it lacks is left out.
         meshcat: shows the run while it goes on.
+        joint_motion: stands for the scenario's path or joints; the rail then stands at the
+            scenario's `rail_shift_m`.
 
     Raises:
         InputError: something that the scenario names cannot be used; nothing is written.
     """
-    setup = load_setup(scenario, folder=folder, scene_file=scene_file)
+    setup = load_setup(scenario, folder=folder, scene_file=scene_file, joint_motion=joint_motion)
     lost: list[str] = []
     if scene_file is not None:
         scenario, lost = without_lost_target(scenario, setup)
     with output_folder(out, force=force) as partial:
         (partial / "figures").mkdir()
         scene = report_scene(scenario, setup, figures=partial / "figures")
-        plan = make_plan(setup.arm, setup.path)
-        summary, failures = plan_numbers(plan), list(plan.failures)
-        if plan.followable:
+        plan = planned_run(scenario, setup)
+        summary, failures = plan.numbers(), list(plan.failures)
+        if not failures:
             # The plan is converged; a scenario's own tolerance and limit act in the run alone.
             try:
                 summary, failures = _simulate_into(partial, scenario, setup, plan, name, meshcat)
             except (NotFollowableError, DivergedError) as error:
                 failures = [f"the run was given up: {error}"]
-        write_plan_figures(partial / "figures", plan)
-        summary = {"arm": setup.arm.name, "path": setup.path.name} | scene | summary
+            failures += plan.warnings
+        plan.write_figures(partial / "figures")
+        summary = scene | summary
         if lost:
             summary["scene_warnings"] = summary.get("scene_warnings", []) + lost
         summary |= {
-            "path_version": setup.path.version,
             "rail_shift_m": setup.rail_shift,
             "scenario": name,
-            "path_corner_deviation_m": setup.path.deviation,
             "verdict": "fail" if failures else "pass",
             "failures": failures,
             "versions": versions(),
         }
+        scenario = with_joint_motion_file(scenario, setup, partial)
         write_whole(partial / "scenario.yaml", scenario_text(scenario))
         write_summary(partial / "summary.json", summary)
         write_run_sheet(partial, summary, failures, scenario.checks)
@@ -115,15 +119,13 @@ def _simulate_into(
     folder: Path,
     scenario: SerpentineScenario,
     setup: SerpentineSetup,
-    plan: Plan,
+    plan: PlannedRun,
     name: str,
     meshcat: Meshcat | None,
 ) -> tuple[dict[str, Any], list[str]]:
     """Runs a followable scenario and writes everything but the summary."""
     run = run_station(scenario, setup, meshcat=meshcat)
-    is_fastest = scenario.motion.profile == "fastest"
-    picture = folder / "figures" / "fastest_motion.png" if is_fastest else None
-    motion, _ = motion_report(scenario, setup, figure=picture)
+    numbers = plan.numbers() | plan.run_numbers(folder / "figures")
     supervised, sagging = run.supervised, None
     if scenario.actuation.show_uncompensated and scenario.actuation.compensate_deflection:
         sagging = _uncompensated(scenario, setup)
@@ -139,28 +141,28 @@ def _simulate_into(
         folder / "replay.html",
         scenario,
         setup,
-        title=f"{name}: {setup.arm.name} on {setup.path.name}",
+        title=f"{name}: {setup.arm.name} on {setup.motion.name}",
         time=run.data.time,
         joints=run.data.joints,
         legs=None if run.legs is None else run.legs.positions,
         bookmarks=run_bookmarks(assessment, supervised.decisions if supervised else ()),
-        phases=run_phases(run.data, setup.path),
+        phases=run_phases(run.data, setup.motion),
         note="" if film is None else film.note,
         seen=None if film is None else film.patches,
     )
     write_diagram(folder, run.diagram)
     summary = (
-        plan_numbers(plan)
-        | motion
+        numbers
         | judgement.summary
         | {
-            "plan_path_deviation_max_m": plan.centre_line_deviation.max(),
             "simulated_s": run.run_time.simulated_s,
             "wall_s": run.run_time.wall_s,
             "real_time_rate": run.run_time.real_time_rate,
             "actuation_fidelity": scenario.actuation.fidelity,
             "faults": [dataclasses.asdict(fault) for fault in scenario.faults],
-            "cycle_time_s": run.station.GetSubsystemByName("tip_path_source").duration,
+            "cycle_time_s": run.station.GetSubsystemByName(
+                motion_names(setup.motion).source
+            ).duration,
             "cycle_completed": (
                 scenario.duration_s <= 0.0 or run.run_time.simulated_s < scenario.duration_s
             )

@@ -19,6 +19,7 @@ from pips_drake.serpentine.drives import effort_columns
 from pips_drake.serpentine.motion_words import DONE
 from pips_drake.serpentine.runs.assessment import RunData
 from pips_drake.serpentine.scenario import ClockConfig, SerpentineScenario
+from pips_drake.serpentine.station.motion import PATH_NAMES, MotionNames
 from pips_drake.serpentine.station.supervision import SUPERVISOR_PORTS, supervision_period
 from pips_drake.serpentine.supervision import Cause, Mode, stopping_clearance
 from pips_drake.serpentine.supervisor_config import SupervisorConfig
@@ -297,6 +298,7 @@ class RunEnd:
         station: in the diagram that runs.
         modes: log of the supervisor's modes; None without a supervisor.
         duration: of a run that nothing holds, s.
+        names: of what moves the arm in the station; by default, of a path that is followed.
     """
 
     def __init__(
@@ -305,8 +307,10 @@ class RunEnd:
         modes: VectorLogSink | None,
         scenario: SerpentineScenario,
         duration: float,
+        *,
+        names: MotionNames = PATH_NAMES,
     ) -> None:
-        self._station, self._modes = station, modes
+        self._station, self._modes, self._names = station, modes, names
         self._settle = scenario.motion.settle_s
         self._duration = duration
         self._since: float | None = None
@@ -338,8 +342,8 @@ class RunEnd:
             self._station.GetOutputPort(port).Eval(mine)
             for port in (
                 "motion_supervisor.mode",
-                "tip_path_source.phase",
-                "tip_path_source.tip",
+                self._names.phase,
+                self._names.tip,
                 "plant.state",
             )
         )

@@ -9,9 +9,13 @@ from pips_drake.serpentine.station.camera import (
 )
 from pips_drake.serpentine.station.legs import AddLegSprings, LegServer
 from pips_drake.serpentine.station.motion import (
+    AddPlannedMotion,
+    MotionNames,
+    given_joints_at_updates,
     make_constant_profile,
     make_fastest_motion,
     make_profile,
+    motion_names,
 )
 from pips_drake.serpentine.station.plant import (
     BASE_FRAME,
@@ -47,15 +51,18 @@ __all__ = [
     "AddCameraPointer",
     "AddCameraStation",
     "AddLegSprings",
+    "AddPlannedMotion",
     "AddPrismaticLegs",
     "AddSerpentineArm",
     "LegServer",
     "MakeSerpentineStation",
     "MakeSimulator",
+    "MotionNames",
     "SerpentineSetup",
     "arm_pose",
     "built_arm",
     "camera_target",
+    "given_joints_at_updates",
     "gravity_in_frame_0",
     "legs_name",
     "load_setup",
@@ -64,6 +71,7 @@ __all__ = [
     "make_fastest_motion",
     "make_plant",
     "make_profile",
+    "motion_names",
     "mounting_pose",
     "plant_time_step",
     "set_default_leg_positions",

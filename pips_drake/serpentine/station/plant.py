@@ -11,7 +11,6 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from pips_drake.errors import InputError
 from pips_drake.scene.decomposition import AddConvexParts
 from pips_drake.scene.loading import (
     AddMissingNormals,
@@ -73,7 +72,7 @@ def make_plant(
     visual_period: float | None = None,
     fidelity: str = "joint",
 ) -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
-    """Adds a finalized plant with arm and scene; the arm's default posture is home on its path.
+    """Adds a finalized plant with arm and scene; the arm stands where its motion begins.
 
     Both are as the scenario's faults have them: a payload displaced, an arm built otherwise.
 
@@ -108,12 +107,10 @@ def make_plant(
     plant.Finalize()
     if setup.scene_file is not None:
         check_anchored(plant, scene, setup.scene_file)
-    home = setup.solver.solve(setup.path, [setup.path.home_arc_length])
-    if not home.solved[0]:
-        raise InputError(setup.solver.explain(setup.path, home, 0))
-    plant.SetDefaultPositions(model, home.joints[0])
+    home = setup.motion.home
+    plant.SetDefaultPositions(model, home)
     if fidelity == "truss":  # its legs are bodies and show themselves
-        set_default_leg_positions(plant, arm, home.joints[0])
+        set_default_leg_positions(plant, arm, home)
         return plant, scene_graph, model
     AddActuatorVisualizer(
         builder,

@@ -11,7 +11,7 @@ from pips_drake.serpentine.station.actuation import AddActuation
 from pips_drake.serpentine.station.camera import CAMERA_PORTS, AddCameraPointer, AddCameraStation
 from pips_drake.serpentine.station.faults import AddDisturbances, AddEncoders
 from pips_drake.serpentine.station.legs import FREE_LENGTH, STIFFNESS_SHARE, LegServer
-from pips_drake.serpentine.station.motion import make_profile
+from pips_drake.serpentine.station.motion import AddPlannedMotion, motion_names
 from pips_drake.serpentine.station.plant import make_plant
 from pips_drake.serpentine.station.prismatic_legs import legs_name
 from pips_drake.serpentine.station.setup import SerpentineSetup, built_arm, load_setup
@@ -21,8 +21,6 @@ from pips_drake.serpentine.station.supervision import (
     supervision_latency,
 )
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
-from pips_drake.serpentine.systems.follow_the_leader_controller import FollowTheLeaderController
-from pips_drake.serpentine.systems.tip_path_source import TipPathSource
 from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 
 #: How often a run's drawn actuators move, and those who watch it live are told, s. Twice as often
@@ -44,6 +42,10 @@ def MakeSerpentineStation(
     Input port: `tip_path_source.command` (1,), optional. With a supervisor it is the operator's,
     and reaches the source as far as the supervisor lets it; and there is
     `motion_supervisor.encoder_health` (J,), optional.
+
+    With a motion that is given by joints, `joint_motion_source` stands for `tip_path_source` and
+    `follow_the_leader`, and its ports `command`, `tip`, `phase` and `joint_state` for theirs
+    (`motion_names`); everything behind it is the same.
 
     Faults (`faults` in the scenario) act in `actuator_servo`; in `encoder_bank`, which is there if
     an encoder fails, and which the supervisor then reads in place of the plant and of
@@ -96,9 +98,8 @@ def MakeSerpentineStation(
         NotFollowableError: there is no fastest motion, if that is wanted (`make_profile`).
     """
     setup = setup or load_setup(scenario)
-    arm, path = setup.arm, setup.path
+    arm, names = setup.arm, motion_names(setup.motion)
     period = 1.0 / scenario.clocks.control_hz
-    motion = scenario.motion
     builder = DiagramBuilder()
     plant, scene_graph, model = make_plant(
         builder,
@@ -107,24 +108,8 @@ def MakeSerpentineStation(
         visual_period=VISUAL_PERIOD,
         fidelity=scenario.actuation.fidelity,
     )
-    source = builder.AddNamedSystem(
-        "tip_path_source",
-        TipPathSource(
-            path,
-            make_profile(scenario, setup),
-            dwell=motion.dwell_s,
-            retract=motion.retract,
-            hold_ramp=scenario.supervisor.hold_ramp_s,
-            period=period,
-        ),
-    )
-    leader = builder.AddNamedSystem(
-        "follow_the_leader", FollowTheLeaderController(setup.solver, period=period)
-    )
+    source, joint_state = AddPlannedMotion(builder, scenario, setup)
     length_map = builder.AddNamedSystem("actuator_length_map", ActuatorLengthMap(arm))
-    builder.Connect(source.GetOutputPort("tip"), leader.GetInputPort("tip"))
-    builder.Connect(source.GetOutputPort("path"), leader.GetInputPort("path"))
-    joint_state = leader.GetOutputPort("joint_state")
     if scenario.camera.enabled:
         pointer = AddCameraPointer(
             builder, plant=plant, setup=setup, scenario=scenario, joint_state=joint_state
@@ -192,14 +177,11 @@ def MakeSerpentineStation(
             builder.ExportInput(health, "motion_supervisor.encoder_health")
         else:
             builder.Connect(encoders.GetOutputPort("health"), health)
-    builder.ExportInput(operator, "tip_path_source.command")
+    builder.ExportInput(operator, names.command)
     for name in (
         *(CAMERA_PORTS if scenario.camera.enabled else ()),
         *(SUPERVISOR_PORTS if scenario.supervisor.enabled else ()),
-        "tip_path_source.tip",
-        "tip_path_source.phase",
-        "follow_the_leader.joint_state",
-        "follow_the_leader.solution",
+        *names.ports,
         "actuator_length_map.drive_state",
         "actuator_servo.setpoint",
         "actuator_servo.saturation",

@@ -7,7 +7,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from pips_drake.config import require
-from pips_drake.errors import InputError
+from pips_drake.serpentine.motion_clock import MotionClock
 from pips_drake.serpentine.motion_profile import MotionProfile
 from pips_drake.serpentine.motion_words import (
     DONE,
@@ -18,8 +18,8 @@ from pips_drake.serpentine.motion_words import (
     RETRACT,
     RETRACTING,
     RUN,
-    WORDS,
 )
+from pips_drake.serpentine.systems.clock_inputs import heard_share, heard_word
 from pips_drake.serpentine.tip_path import TipPath
 
 __all__ = [
@@ -97,13 +97,17 @@ class TipPathSource(LeafSystem):
         require(hold_ramp > 0.0, "TipPathSource: hold_ramp", f"{hold_ramp} s", "> 0")
         self._path = path
         self._profile = profile
-        self._dwell = dwell
-        self._retract = retract
-        self._rate_step = period / hold_ramp
-        self._period = period
+        self._clock = MotionClock(
+            end=profile.duration,
+            dwell=dwell,
+            retract=retract,
+            ramp=hold_ramp,
+            period=period,
+            rests_at_ends=True,
+        )
         self._command_port = self.DeclareVectorInputPort("command", 1)
         self._share_port = self.DeclareVectorInputPort("speed_share", 1)
-        self._state = self.DeclareDiscreteState([0.0, 1.0, EXTENDING, dwell])
+        self._state = self.DeclareDiscreteState(list(self._clock.start))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update_state)
         state_only = {self.discrete_state_ticket(self._state)}
         self.DeclareVectorOutputPort("tip", 2, self._calc_tip, prerequisites_of_calc=state_only)
@@ -118,51 +122,14 @@ class TipPathSource(LeafSystem):
     @property
     def duration(self) -> float:
         """Time to do it all without a hold, s; updates make it up to two periods more."""
-        out = self._profile.duration
-        return out + (self._dwell + out if self._retract else 0.0)
-
-    def _command(self, context: Context) -> float:
-        if not self._command_port.HasValue(context):
-            return RUN
-        command = float(self._command_port.Eval(context)[0])
-        if command not in WORDS:
-            raise InputError(
-                f"TipPathSource.command = {command}; must be 1 (run), 0 (hold), -1 (retract) or 2 "
-                "(extend)"
-            )
-        return command
-
-    def _share(self, context: Context) -> float:
-        if not self._share_port.HasValue(context):
-            return 1.0
-        share = float(self._share_port.Eval(context)[0])
-        require(0.0 < share <= 1.0, "TipPathSource.speed_share", share, "> 0 and <= 1")
-        return share
+        return self._clock.duration
 
     def _update_state(self, context: Context, values: DiscreteValues) -> None:
-        # Python's own numbers: several times faster than numpy's.
+        word = heard_word("TipPathSource.command", self._command_port, context)
+        share = heard_share("TipPathSource.speed_share", self._share_port, context)
         time, rate, phase, dwell = context.get_discrete_state(self._state).value().tolist()
-        command, end = self._command(context), self._profile.duration
-        if phase == DWELLING and command == RUN:
-            dwell -= self._period
-            if dwell <= 0.0:
-                phase = RETRACTING
-        if command == RETRACT and (phase < RETRACTING or time > 0.0):
-            phase = RETRACTING
-        if command == EXTEND and (phase == RETRACTING or (phase == DONE and time < end)):
-            phase, dwell = EXTENDING, self._dwell
-        wanted = 0.0 if command == HOLD else {EXTENDING: 1.0, RETRACTING: -1.0}.get(phase, 0.0)
-        wanted *= self._share(context)
-        if time <= 0.0 or time >= end:
-            rate = wanted
-        new_rate = rate + min(max(wanted - rate, -self._rate_step), self._rate_step)
-        time = min(max(time + 0.5 * (rate + new_rate) * self._period, 0.0), end)
-        if phase == EXTENDING and time >= end:
-            new_rate, phase = 0.0, DWELLING if self._retract else DONE
-        elif phase == RETRACTING and time <= 0.0:
-            new_rate, phase = 0.0, DONE
-        after = values.get_mutable_vector(self._state)
-        after.SetFromVector(np.array([time, new_rate, phase, dwell]))
+        after = self._clock.step((time, rate, phase, dwell), word, share)
+        values.get_mutable_vector(self._state).SetFromVector(np.array(after))
 
     def _calc_tip(self, context: Context, output: BasicVector) -> None:
         time, rate = context.get_discrete_state(self._state).value().tolist()[:2]

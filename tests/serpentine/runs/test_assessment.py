@@ -11,6 +11,7 @@ import pytest
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.planned_motion import FollowedPath
 from pips_drake.serpentine.runs.assessment import Assessment, RunData
 from pips_drake.serpentine.scenario import CheckConfig
 from pips_drake.serpentine.tip_path import polyline_path
@@ -55,8 +56,7 @@ def assess(arm: SerpentineArm, path: Any) -> Callable[..., Assessment]:
             change(fields)
         return Assessment(
             arm=arm,
-            path=path,
-            solver=FollowTheLeader(arm),
+            motion=FollowedPath(path=path, solver=FollowTheLeader(arm)),
             checks=dataclasses.replace(CheckConfig(), **checks),
             data=RunData(**fields),
             clearance_range=0.5,

@@ -10,7 +10,7 @@ import pytest
 
 from pips_drake.serpentine.runs.pictures import run_bookmarks, run_phases
 
-PATH: Any = SimpleNamespace(length=2.0)
+MOTION: Any = SimpleNamespace(end=2.0)
 #: Out, at the end for two samples, and back; a sample each half second.
 TRAVEL = [1.0, 1.5, 2.0, 2.0, 1.5, 1.0]
 
@@ -28,7 +28,7 @@ def make_assessment(
         pairs=tuple(None if c >= 1.0 else ("arm", "wall") for c in clearance),
         witness=points if witness else None,
     )
-    return SimpleNamespace(data=data, path=PATH, nearest=int(np.argmin(clearance)))
+    return SimpleNamespace(data=data, motion=MOTION, nearest=int(np.argmin(clearance)))
 
 
 def moments(assessment: Any) -> list[tuple[str, float]]:
@@ -70,5 +70,5 @@ def test_phases_are_those_that_the_run_came_to(
     travel: list[float], phases: dict[str, float]
 ) -> None:
     assessment = make_assessment([0.5] * len(travel), travel=travel)
-    assert run_phases(assessment.data, PATH) == phases
+    assert run_phases(assessment.data, MOTION) == phases
     assert ("end of path", 1.0) in moments(assessment) or "dwell" not in phases

@@ -40,8 +40,7 @@ def _made(tmp_path_factory):
     )
     assessment = Assessment(
         arm=setup.arm,
-        path=setup.path,
-        solver=setup.solver,
+        motion=setup.motion,
         checks=loaded.config.checks,
         data=data,
         clearance_range=0.5,

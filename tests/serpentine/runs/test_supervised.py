@@ -254,7 +254,7 @@ def test_decisions_are_moments_of_the_replay_and_not_too_many(supervised):
         pairs=(None,),
         witness=None,
     )
-    assessment: Any = SimpleNamespace(data=data, path=SimpleNamespace(length=2.0), nearest=0)
+    assessment: Any = SimpleNamespace(data=data, motion=SimpleNamespace(end=2.0), nearest=0)
     marks = run_bookmarks(assessment, decisions)
     assert len(marks) == MOST_DECISIONS < len(decisions)
     assert (marks[0].label, marks[0].time) == ("hold: clearance", 1.0)
