@@ -16,9 +16,12 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 
 import pips_drake
+from pips_drake.planning.live_arm import LiveArm
+from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.joint_motion import JointMotion
+from pips_drake.serpentine.kinematics import spine_points
 from pips_drake.serpentine.motion_profile import RestToRestProfile
 from pips_drake.serpentine.path_file import load_path
 from pips_drake.serpentine.planned_motion import GivenJoints
@@ -50,12 +53,15 @@ def arguments() -> dict[str, object]:
     (model,) = Parser(plant).AddModelsFromString(make_sdf(arm), "sdf")
     plant.Finalize()
     motion = JointMotion(times=np.array([0.0, 1.0]), joints=np.tile(arm.joint_home, (2, 1)))
+    live_arm = LiveArm(arm, SignedDistanceField.of([]))
+    tip = spine_points(arm, arm.joint_home)[0, -1]
     return {
         "arm": arm,
         "bodies": [[1, 2]] * COUNTS["A"],
         "body_index": 1,
         "given": GivenJoints(arm=arm, motion=motion, name="joints"),
         "gravity": [0.0, 0.0, -9.81],
+        "live_arm": live_arm,
         "model": model,
         "path": load_path("trajectory_4"),
         "period": 1.0 / 512.0,
@@ -65,6 +71,7 @@ def arguments() -> dict[str, object]:
         "robot": [model],
         "scene_graph": scene_graph,
         "solver": FollowTheLeader(arm),
+        "start": live_arm.lay([tip, tip + np.array([0.0, 0.0, 1.0])]),
     }
 
 

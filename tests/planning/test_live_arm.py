@@ -1,0 +1,385 @@
+"""An arm on a snake in an operator's hand: it does as told, as far as that is safe.
+
+The corridor's numbers: `corridor`. A tick is 1/32 s.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from pips_drake.errors import InputError, NotFollowableError
+from pips_drake.planning.extension import Extending
+from pips_drake.planning.live_arm import LiveArm
+from pips_drake.planning.live_path import rounded_path
+from pips_drake.planning.live_snake import Wish
+from pips_drake.planning.live_state import LiveArmSettings, Refusal
+from pips_drake.scene.packages import find_scene_file
+from pips_drake.scene.signed_distance import read_distance_field
+from pips_drake.serpentine import kinematics
+from pips_drake.serpentine.arm import load_arm
+from pips_drake.serpentine.drives import drive_limits, drives_from_joints
+from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.motion_words import EXTEND, HOLD, RETRACT, RUN
+from pips_drake.serpentine.runs.placed_arm import place_arm
+from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.station import SerpentineSetup
+from pips_drake.serpentine.tip_path import blended_path
+from pips_drake.twin.clearance import ClearanceQuery
+
+from .corridor import along_the_corridor, corridor, distance_of_bodies, home_tip, live_arm
+
+#: Faster than hardware would be let to go, so that tests need fewer ticks.
+QUICK = LiveArmSettings(
+    tip_speed=0.09, tip_acceleration=0.5, shift_speed=0.2, shift_acceleration=1.0
+)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_arm("cmu_92")
+
+
+@pytest.fixture(scope="module")
+def at_goal(arm):
+    """A metre out in the corridor, at rest at the snake's end."""
+    live = live_arm(arm, settings=QUICK)
+    state = live.lay(along_the_corridor(arm, 1.5), extended=1.0)
+    return live, until(live, state, Wish(), Extending.THERE)
+
+
+def vector(*numbers):
+    return np.array(numbers)
+
+
+def until(live, state, wish, extending, most=1000):
+    for _ in range(most):
+        state = live.tick(state, wish)
+        if state.extending == extending and state.tip_rate == 0.0:
+            return state
+    raise AssertionError(f"{state.extending.name}, not {extending.name}, after {most} ticks")
+
+
+def run(live, state, wish, ticks):
+    for _ in range(ticks):
+        state = live.tick(state, wish)
+    return state
+
+
+def tip_of(live, state):
+    return kinematics.spine_points(live.arm, state.joints)[0, -1] + live.shift
+
+
+def test_the_arm_waits_for_the_snake_and_then_goes_out_to_its_end(arm):
+    live = live_arm(arm, settings=QUICK)
+    bent = home_tip(arm) + np.array([[0, 0, 0], [0, 0, 0.6], [0, 0.1, 0.7], [0, 0, 0.8]])
+    state = live.lay(bent)
+    seen = []
+    while Extending.THERE not in seen and len(seen) < 1000:
+        state = live.tick(state, Wish())
+        seen.append(state.extending)
+        assert state.extended == 0.0 or state.extending != Extending.WAITING
+    state = live.tick(state, Wish())
+    order = [seen[0], *(b for a, b in pairwise(seen) if a != b)]
+    assert order == [Extending.WAITING, Extending.OUT, Extending.THERE]
+    assert_allclose(tip_of(live, state), home_tip(arm) + vector(0.0, 0.0, 0.8), rtol=0, atol=1e-6)
+    # Every spine point on the snake: that is what follow-the-leader means.
+    spine = kinematics.spine_points(arm, state.joints)[0]
+    off, _ = state.path.nearest(spine, 0.0, state.path.length)
+    assert off.max() < 1e-9
+
+
+def test_a_goal_that_is_moved_is_reached_and_the_arm_stays_on_the_snake(at_goal):
+    live, state = at_goal
+    goal = state.live.goal + vector(0.03, 0.3, 0.1)
+    after = until(live, state, Wish(goal=goal), Extending.THERE)
+    assert_allclose(tip_of(live, after), goal, rtol=0, atol=1e-6)
+    assert not after.live.goal_refused
+
+
+@pytest.mark.parametrize("aside", [0.0, -0.06])
+def test_a_goal_in_the_wall_or_too_near_is_refused_and_the_last_one_kept(at_goal, aside):
+    live, state = at_goal
+    good = state.live.goal
+    bad = np.array([0.72 + aside, *good[1:]])
+    after = run(live, state, Wish(goal=bad), 30)
+    assert after.live.goal_refused
+    assert_allclose(after.live.goal, good, rtol=0, atol=0)
+    assert_allclose(tip_of(live, after), tip_of(live, state), rtol=0, atol=1e-3)
+    # And forgotten as soon as a good one is asked for.
+    assert not live.tick(after, Wish(goal=good + vector(0.0, 0.01, 0.0))).live.goal_refused
+
+
+def test_a_goal_behind_an_obstacle_is_approached_along_it(arm):
+    live = live_arm(arm, (0.27, 0.42, 11.3, 0.15), settings=QUICK)
+    state = live.lay(along_the_corridor(arm, 1.5), extended=1.0)
+    state = until(live, state, Wish(), Extending.THERE)
+    goal = state.live.goal + vector(0.0, 0.84, 0.02)
+    ends = []
+    for _ in range(400):
+        state = live.tick(state, Wish(goal=goal))
+        ends.append(state.live.snake.points[-1])
+    off = live.obstacles.distances(np.array(ends))
+    need = live.settings.snake.goal_radius + live.settings.snake.clearance
+    assert off.min() >= need
+    assert off.min() < need + 0.02
+    assert np.linalg.norm(ends[-1] - goal) < 1e-6
+
+
+def test_hold_stops_everything_and_retract_brings_the_tip_home(at_goal):
+    live, state = at_goal
+    moving = run(live, state, Wish(goal=state.live.goal + vector(0.0, 0.5, 0.0)), 10)
+    assert moving.shift_rate > 0.05
+    held = run(live, moving, Wish(word=HOLD), 16)
+    still = run(live, held, Wish(word=HOLD, goal=state.live.goal), 5)
+    assert_allclose(still.joints, held.joints, rtol=0, atol=0)
+    assert not still.rates.any()
+    back = run(live, still, Wish(word=RETRACT), 600)
+    assert back.extended == 0.0
+    assert_allclose(back.joints, live.arm.joint_home, rtol=0, atol=1e-9)
+    assert back.extending == Extending.BACK
+
+
+def test_extend_goes_out_though_the_snake_moves_and_reach_limits_it(arm):
+    live = live_arm(arm, settings=QUICK)
+    start = live.lay(along_the_corridor(arm, 1.5))
+    pulled = Wish(pulls=((home_tip(arm) + vector(0.0, 0.0, 1.0), np.array([0.0, 20.0, 0.0])),))
+    waits = run(live, start, pulled, 12)
+    assert waits.extended == 0.0 and not waits.near_rest
+    goes = run(live, start, replace(pulled, word=EXTEND), 12)
+    assert goes.extended > 0.0
+    there = until(live, start, Wish(reach=0.4), Extending.THERE)
+    assert there.extended == pytest.approx(0.4, abs=1e-6)
+    back = until(live, there, Wish(reach=0.1), Extending.THERE)
+    assert back.extended == pytest.approx(0.1, abs=1e-6)
+
+
+def test_a_tip_beyond_the_snakes_end_comes_back_while_the_snake_still_moves(at_goal):
+    live, state = at_goal
+    goal = state.live.goal - vector(0.0, 0.0, 0.4)
+    seen = set()
+    for _ in range(40):
+        state = live.tick(state, Wish(goal=goal))
+        seen.add(state.extending)
+    assert Extending.PROTRUDING in seen
+    state = until(live, state, Wish(goal=goal), Extending.THERE)
+    assert state.tip == pytest.approx(state.path.length, abs=1e-6)
+    assert_allclose(tip_of(live, state), goal, rtol=0, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_bend_that_the_joints_cannot_follow_brings_the_arm_back_until_it_fits(arm):
+    """Nails fold the snake within one link's length: 20 links cannot go there."""
+    free = LiveArm(arm, corridor(), settings=QUICK)
+    state = free.lay(along_the_corridor(arm, 3.0), extended=2.5)
+    state = until(free, state, Wish(), Extending.THERE)
+    tip = home_tip(arm)
+    fold = Wish(
+        nails=np.array(
+            [tip + vector(0.0, 0.0, 1.5), tip + vector(0.0, 0.6, 1.75), tip + vector(0.0, 0.0, 2.0)]
+        )
+    )
+    seen, most = set(), 0.0
+    for _ in range(400):
+        state = free.tick(state, fold)
+        seen.add(state.extending)
+        most = max(most, float(np.abs(state.joints[3:]).max()))
+    assert Extending.UNFITTED in seen
+    assert state.refusal in (Refusal.JOINT_LIMIT, Refusal.NONE)
+    # All the way it was within its limits, and came near to them.
+    assert math.radians(40.0) < most <= math.radians(45.0)
+    assert state.extended < 2.2
+    # The fold taken out, it goes to the goal again.
+    state = until(free, state, Wish(), Extending.THERE)
+    assert state.extended == pytest.approx(3.0, abs=0.02)
+
+
+def test_nails_hold_their_places_exactly_and_let_go(at_goal):
+    live, state = at_goal
+    place = home_tip(live.arm) + vector(0.04, 0.15, 0.9)
+    nailed = run(live, state, Wish(nails=place[None]), 60)
+    row = nailed.live.snake.nearest(place)
+    for _ in range(100):
+        pulls = ((place, np.array([0.0, -30.0, 10.0])),)
+        nailed = live.tick(nailed, Wish(nails=place[None], pulls=pulls))
+        assert np.abs(nailed.live.snake.points[row] - place).max() < 1e-12
+    free = run(live, nailed, Wish(), 200)
+    assert np.linalg.norm(free.live.snake.points[row] - place) > 0.1
+    inside = live.tick(state, Wish(nails=np.array([[0.8, 0.0, 11.0]])))
+    assert inside.live.nails_refused and not len(inside.live.nails)
+
+
+def test_rigidity_and_elasticity_are_tuned_while_it_runs(at_goal):
+    """A pull bends what is stiff or taut less."""
+    live, state = at_goal
+    place = home_tip(live.arm) + vector(0.0, 0.0, 1.0)
+    pulls = ((place, np.array([0.0, 3.0, 0.0])),)
+    aside = {}
+    for name, weights in {
+        "usual": {},
+        "taut": {"tension": 10.0},
+        "stiff": {"bending_stiffness": 10.0},
+    }.items():
+        after = run(live, state, Wish(pulls=pulls, word=EXTEND, **weights), 100)
+        aside[name] = after.live.snake.points[:, 1].max()
+    assert aside["taut"] < 0.5 * aside["usual"]
+    assert aside["stiff"] < 0.5 * aside["usual"]
+
+
+def test_bad_wishes_and_settings_are_refused(arm):
+    nan3 = np.array([math.nan, 0.0, 0.0])
+    for wish, words in (
+        (dict(goal=nan3), "operator's goal = "),
+        (dict(pulls=((np.zeros(3), nan3),)), "operator's pull = "),
+        (dict(nails=np.zeros(3)), r"operator's nails; must be \(K, 3\)"),
+        (dict(tension=0.0), "operator's tension = 0 N; must be > 0"),
+        (dict(bending_stiffness=-1.0), r"stiffness = -1\.0 N m\^2; must be 0 or more"),
+        (dict(word=7.0), r"operator's word = 7\.0; must be 1"),
+        (dict(reach=math.nan), "operator's reach = nan m"),
+    ):
+        with pytest.raises(InputError, match=words):
+            Wish(**wish)
+    with pytest.raises(InputError, match=r"clearance = 0\.001 m; must be at least half"):
+        LiveArmSettings(clearance=0.001)
+    with pytest.raises(InputError, match="period = 0 s; must be > 0"):
+        LiveArmSettings(period=0)
+    live = live_arm(arm)
+    with pytest.raises(InputError, match="must be at the home tip"):
+        live.lay(along_the_corridor(arm) + vector(0.1, 0.0, 0.0))
+    with pytest.raises(InputError, match=r"must go beyond its lead of 0\.5 m"):
+        live.lay(along_the_corridor(arm, 0.3))
+    blocked = live_arm(arm, (0.41, 0.0, 10.2, 0.1))
+    with pytest.raises(NotFollowableError, match="would be too near to an obstacle"):
+        blocked.lay(along_the_corridor(arm), extended=1.0)
+
+
+def test_the_rounded_path_is_the_blended_one(arm):
+    rng = np.random.default_rng(3)
+    points = np.cumsum(rng.normal([0.0, 0.0, 0.2], 0.05, size=(40, 3)), axis=0)
+    points = np.vstack(
+        [
+            points[0] - vector(0.0, 0.0, 9.0),
+            points[0],
+            points[0] + vector(0.0, 0.0, 0.3),
+            points[0] + vector(0.0, 0.0, 0.3) + points - points[0] + vector(0.0, 0.0, 0.1),
+        ]
+    )
+    ours, theirs = rounded_path(points, "live"), blended_path(points, "live")
+    assert ours.home_arc_length == pytest.approx(theirs.home_arc_length, abs=1e-12)
+    assert ours.is_smooth
+    s = np.linspace(0.0, theirs.length, 3000)
+    assert ours.length == pytest.approx(theirs.length, abs=1e-9)
+    assert_allclose(ours.point(s), theirs.point(s), rtol=0, atol=1e-9)
+
+
+class Adversary:
+    """An operator who does whatever they like, mostly harm; everything from a seed."""
+
+    def __init__(self, seed, middle, spread):
+        self._rng = np.random.default_rng(seed)
+        self._middle, self._spread = middle, np.asarray(spread)
+        self._wish = Wish()
+
+    def _place(self):
+        return self._middle + self._rng.normal(0.0, 1.0, 3) * self._spread
+
+    def __call__(self, state):
+        rng, wish = self._rng, self._wish
+        if rng.random() < 0.03:
+            wish = replace(wish, goal=self._place())
+        if rng.random() < 0.03:
+            force = rng.normal(0.0, 1.0, 3) * 10.0 ** rng.uniform(0.0, 3.0)
+            point = state.live.snake.points[rng.integers(len(state.live.snake.points))]
+            wish = replace(wish, pulls=((point, force),) if rng.random() < 0.7 else ())
+        if rng.random() < 0.02:
+            kept = wish.nails[rng.random(len(wish.nails)) < 0.6]
+            wish = replace(wish, nails=np.vstack([kept, self._place()])[-4:])
+        if rng.random() < 0.01:
+            wish = replace(
+                wish,
+                tension=10.0 ** rng.uniform(-1.0, 1.0),
+                bending_stiffness=10.0 ** rng.uniform(-3.0, 1.0) if rng.random() < 0.9 else 0.0,
+            )
+        if rng.random() < 0.02:
+            wish = replace(
+                wish,
+                word=rng.choice([RUN, EXTEND, EXTEND, EXTEND, HOLD, RETRACT]),
+                reach=rng.choice([math.inf, rng.uniform(0.0, 6.0)]),
+            )
+        self._wish = wish
+        return wish
+
+
+def watch(live, state, operator, ticks):
+    """Ticks, and every claim of a state checked at each; returns all postures (ticks + 1, J)."""
+    arm, period = live.arm, live.settings.period
+    speed = drive_limits(arm)[2]
+    postures = [state.joints]
+    for _ in range(ticks):
+        before, state = state, live.tick(state, operator(state))
+        assert np.isfinite(state.joints).all()
+        assert (state.joints >= arm.joint_lower).all()
+        assert (state.joints <= arm.joint_upper).all()
+        drives = drives_from_joints(arm, np.stack([before.joints, state.joints]))
+        assert (np.abs(np.diff(drives, axis=0)[0]) <= speed * period).all()
+        assert_allclose(state.rates * period, state.joints - before.joints, rtol=0, atol=1e-15)
+        assert state.clearance >= live.settings.clearance
+        assert np.isfinite(state.live.snake.points).all()
+        postures.append(state.joints)
+    return np.array(postures)
+
+
+def between(postures, every, parts):
+    """Postures on the straight ways from some rows to their next, (.., J)."""
+    rows = np.arange(0, len(postures) - 1, every)
+    shares = np.arange(parts)[:, None, None] / parts
+    ways = postures[rows] + shares * (postures[rows + 1] - postures[rows])
+    return ways.reshape(-1, postures.shape[1])
+
+
+def test_an_operator_who_means_harm_does_none(arm):
+    live = live_arm(arm, (0.6, 0.3, 11.5, 0.12), (0.2, -0.3, 12.5, 0.1), settings=QUICK)
+    state = live.lay(along_the_corridor(arm, 4.0), extended=2.0)
+    adversary = Adversary(7, home_tip(arm) + vector(0.0, 0.0, 2.5), [0.2, 0.6, 1.2])
+    postures = watch(live, state, adversary, 100)
+    # It was no easy time: the arm moved, sideways too.
+    assert np.ptp(postures[:, 0]) > 0.02
+    assert np.ptp(postures[:, 3:], axis=0).max() > 0.05
+    # Between ticks it is short of its clearance by half of what it moves in one at most.
+    allowed = live.settings.clearance - 0.5 * (0.09 + 0.2) / 32.0
+    seen = min(distance_of_bodies(arm, live.obstacles, q) for q in between(postures, 10, 2))
+    assert allowed <= seen < 0.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_thousands_of_ticks_of_harm_in_the_bay_by_drakes_own_distances(arm, seed):
+    file = find_scene_file("cargo_bay")
+    field = read_distance_field(file)
+    tip = np.array([0.412877, 0.0, 4.4425])
+    shift = float(tip[2] - home_tip(arm)[2])
+    live = LiveArm(arm, field, rail_shift=shift, settings=QUICK)
+    state = live.lay(tip + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 6.0]]), extended=1.0)
+    adversary = Adversary(seed, tip + vector(0.0, 0.0, 4.0), [0.25, 0.8, 1.5])
+    postures = watch(live, state, adversary, 3000)
+    assert np.ptp(postures[:, 0]) > 1.0
+    placed = place_arm(
+        SerpentineScenario(arm="cmu_92", path="live", mounting="laboratory"),
+        SerpentineSetup(
+            arm=arm,
+            path=state.path,
+            solver=FollowTheLeader(arm),
+            scene_file=file,
+            rail_shift=shift,
+        ),
+    )
+    query = ClearanceQuery(placed.plant, [placed.model], max_distance=0.1)
+    allowed = live.settings.clearance - 0.5 * (0.09 + 0.2) / 32.0
+    # Drake's distances of boxes may be too large by 0.05 mm, and bodies may touch each other.
+    least = [query.least(found)[0].distance for found in placed.posed(between(postures, 6, 3))]
+    assert allowed - 1e-4 <= min(least) < 0.08
