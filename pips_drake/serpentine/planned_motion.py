@@ -41,6 +41,14 @@ class PlannedMotion(Protocol):
         """For titles and messages."""
 
     @property
+    def title(self) -> str:
+        """What it is and its name, for a figure's title."""
+
+    @property
+    def mark_label(self) -> str:
+        """What `marks` are, for a legend."""
+
+    @property
     def version(self) -> str:
         """A fingerprint: equal if and only if the motion is the same."""
 
@@ -92,6 +100,14 @@ class FollowedPath:
     @property
     def name(self) -> str:
         return self.path.name
+
+    @property
+    def title(self) -> str:
+        return f"path {self.path.name}"
+
+    @property
+    def mark_label(self) -> str:
+        return "its points from home on"
 
     @property
     def version(self) -> str:
@@ -149,6 +165,14 @@ class GivenJoints:
                 f"joint motion '{self.name}': {joints} joints; must be the {self.arm.joints} of "
                 f"arm '{self.arm.name}'"
             )
+
+    @property
+    def title(self) -> str:
+        return f"joint motion {self.name}"
+
+    @property
+    def mark_label(self) -> str:
+        return "where it begins and ends"
 
     @property
     def version(self) -> str:

@@ -146,7 +146,7 @@ def scene_figure(file: Path, scenario: SerpentineScenario, setup: SerpentineSetu
     X_WC = fit_view(np.vstack([corner_points(query), points]), view_direction(scenario), size=SIZE)
     camera = PinholeCamera(width=SIZE[0], height=SIZE[1], field_of_view=FIELD_OF_VIEW)
     with figure_style():
-        figure = new_figure(6.4, title=f"Scene and path {motion.name}")
+        figure = new_figure(6.4, title=f"Scene and {motion.title}")
         axes = figure.add_subplot()
         axes.imshow(render_view(query, X_WC, size=SIZE))
         axes.set_axis_off()
@@ -154,7 +154,7 @@ def scene_figure(file: Path, scenario: SerpentineScenario, setup: SerpentineSetu
         dots, _ = camera.project((X_WC.inverse() @ marks.T).T)
         axes.plot(*line.T, color=COLORS[1], linewidth=2.0, label="path of the tip")
         axes.plot(*dots.T, "o", color="black", markersize=4.0, markerfacecolor="white",
-                  label="its points from home on")  # fmt: skip
+                  label=motion.mark_label)  # fmt: skip
         axes.legend(loc="lower left", frameon=True)
         save_figure(figure, file)
 

@@ -256,6 +256,5 @@ class JointRun:
             arm,
             self.given.line,
             dict(zip(names, motion.at(stages), strict=True)),
-            table_points=self.given.marks,
             title="Way of the tip and postures",
         )

@@ -141,7 +141,7 @@ def _simulate_into(
         folder / "replay.html",
         scenario,
         setup,
-        title=f"{name}: {setup.arm.name} on {setup.motion.name}",
+        title=f"{name}: {setup.arm.name} on {setup.motion.title}",
         time=run.data.time,
         joints=run.data.joints,
         legs=None if run.legs is None else run.legs.positions,

@@ -123,7 +123,7 @@ def _given_joints(
     folder: Path | None,
 ) -> tuple[PlannedMotion, float]:
     """The motion that is given by joints, and how far the rail is shifted for it, m."""
-    shift, name = scenario.rail_shift_m, "joints"
+    shift, name = scenario.rail_shift_m, "planned"
     if shift != 0.0 and not arm.rail_is_placed_for_the_path:
         raise InputError(
             f"rail_shift_m = {shift:g}; must be 0 for arm '{arm.name}', whose rail stands where it "
