@@ -41,6 +41,8 @@ FINEST = 1e-3
 TOLERANCE = 2e-3
 # Ways of corners between two postures are so much longer than straight.
 _BENT = 1.05
+# A bound of this share of what was seen is good where it is enough.
+_GOOD_SHARE = 0.8
 # Of a box's distance to a shape: the bound's gap, m, and the most rounds with so many points each.
 _GAP, _MOST_ROUNDS, _HALVINGS = 5e-4, 16, 6
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -135,6 +137,7 @@ def least_clearance(
     *,
     shift: Array,
     within: float,
+    enough: float = math.inf,
     tolerance: float = TOLERANCE,
     bodies: ArmBodies | None = None,
 ) -> ClearanceBound:
@@ -145,7 +148,8 @@ def least_clearance(
         tip_arc_lengths: where to begin with; their ends are the motion's, (K,) m, increasing.
         shift: from the arm's frame {0} to the field's, (3,) m.
         within: how far is looked, m: what is farther counts as that far.
-        tolerance: by how much the bound may be below what was seen, m.
+        enough: a bound of this and of four fifths of what was seen is not improved, m.
+        tolerance: nor is one that is less than this below what was seen, m.
         bodies: `arm_bodies(arm)`.
     """
     bodies = bodies or arm_bodies(arm)
@@ -165,7 +169,8 @@ def least_clearance(
     while True:
         ways = _BENT * np.linalg.norm(places[1] - places[0], axis=-1).max(axis=-1)
         bounds = np.minimum(0.5 * (at[0] + at[1] - ways), within)
-        open_ = bounds < look.lower - tolerance
+        good = min(look.lower - tolerance, max(enough, _GOOD_SHARE * look.lower))
+        open_ = bounds < good
         open_ &= ends[1] - ends[0] > FINEST
         lower = min(lower, float(np.min(bounds[~open_], initial=math.inf)))
         if not open_.any():
@@ -246,7 +251,7 @@ def boxes_to_field(field, rotations, centres, halves, radii, within):
     count, shapes = centres.shape[0], field.kinds.shape[0]
     lower, upper = np.full(count, within), np.full(count, within)
     nearest, points = np.full(count, -1), np.full((count, 3), np.nan)
-    room, point = np.empty((4, 3)), np.empty(3)
+    room, point = np.empty((6, 3)), np.empty(3)
     for k in range(count):
         R, c, h = rotations[k], centres[k], halves[k]
         ball = radii[k] + math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
@@ -272,10 +277,11 @@ def _box_to_shape(field, m, R, c, h, radius, enough, room, point):
     """Bounds of the distance from a rounded box to shape m; neither is sought above `enough`.
 
     Args:
-        room: (4, 3), for numbers in between.
+        room: (6, 3), for numbers in between.
         point: out, the point of the box's surface that the upper bound is of, (3,) m.
     """
     x, start, corner, g = room[0], room[1], room[2], room[3]
+    best, to_shape = room[4], room[5]
     lower, upper = -np.inf, np.inf
     x[:] = 0.0  # in the box's axes, from its middle
     for _ in range(_MOST_ROUNDS):
@@ -286,8 +292,10 @@ def _box_to_shape(field, m, R, c, h, radius, enough, room, point):
             _write_point(R, c, x, g, radius, point)
         if lower >= enough or upper - lower <= _GAP:
             break
+        least = d
         for i in range(3):
             start[i], corner[i] = x[i], -math.copysign(h[i], g[i])
+            best[i], to_shape[i] = x[i], d * g[i]
         # To the corner, or to where on the way to it the distance no longer falls.
         low, high, share = 0.0, 1.0, 1.0
         for _ in range(_HALVINGS):
@@ -301,6 +309,9 @@ def _box_to_shape(field, m, R, c, h, radius, enough, room, point):
             slope = 0.0
             for i in range(3):
                 slope += g[i] * (corner[i] - start[i])
+                if d < least:
+                    best[i], to_shape[i] = x[i], d * g[i]
+            least = min(least, d)
             if slope <= 0.0:
                 low = share
             else:
@@ -310,10 +321,10 @@ def _box_to_shape(field, m, R, c, h, radius, enough, room, point):
             share = 0.5 * (low + high)
         if lower >= enough or upper - lower <= _GAP:
             break
-        # To the shape's nearest point and back to the box's: exact at once on faces, where
-        # conditional gradients go to and fro.
+        # From the best point to the shape's nearest one, and back to the box's: exact at once on
+        # faces, where conditional gradients go to and fro.
         for i in range(3):
-            x[i] = min(max(x[i] - d * g[i], -h[i]), h[i])
+            x[i] = min(max(best[i] - to_shape[i], -h[i]), h[i])
     return lower, upper
 
 

@@ -28,7 +28,7 @@ from pips_drake.planning.snake import (
     make_snake,
     nail,
 )
-from pips_drake.planning.snake_motion import Settled, settle
+from pips_drake.planning.snake_motion import MAX_STEPS, Settled, settle
 from pips_drake.planning.string_pull import pull
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine import kinematics
@@ -198,12 +198,14 @@ def lay(
     settings: PlannerSettings,
     nail_lead: bool = True,
     stiffness: ArrayLike | None = None,
+    max_steps: int = MAX_STEPS,
 ) -> Laid:
     """The path of `plan_along`, without the arm's postures.
 
     Args:
         nail_lead: whether the route's first point is nailed down, where nothing is kept.
         stiffness: the snake's, N m^2, at equal shares of its length; by default the settings'.
+        max_steps: of the snake.
     """
     way = np.asarray(route, dtype=np.float64)
     if way.ndim != 2 or way.shape[1] != 3 or len(way) < 1 or not np.isfinite(way).all():
@@ -230,7 +232,10 @@ def lay(
         snake = nail(snake, place)
     reach, blend = settings.repulsion.reach, settings.blend
     settled = settle(
-        snake, lambda points: field.blended(points, blend=blend, within=reach), settings.repulsion
+        snake,
+        lambda points: field.blended(points, blend=blend, within=reach),
+        settings.repulsion,
+        max_steps=max_steps,
     )
     points = settled.snake.points[: None if after is None else -1]
     settled = replace(settled, snake=_inner(settled.snake, keep is None, after is not None))

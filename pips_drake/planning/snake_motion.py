@@ -61,7 +61,8 @@ class Settled:
         stable: whether it came to rest within the steps allowed.
         energies: before the first step and after each, J. They fall, but where points were
             inserted or deleted.
-        clearance: least distance of its points, m, as the field tells it.
+        clearance: least distance of its points, m, as the field tells it; infinite without any
+            obstacle.
     """
 
     snake: Snake
@@ -118,7 +119,7 @@ def settle(
         stable=stable,
         steps=steps,
         energies=np.array(energies),
-        clearance=float(felt.distance.min()),
+        clearance=float(np.min(felt.distance, initial=np.inf)),
     )
 
 

@@ -1,0 +1,172 @@
+"""Paths bent until the arm can follow them with a clearance, or the limit that stops it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform
+
+from pips_drake.errors import InputError, NotFollowableError
+from pips_drake.planning.feasible import make_feasible, plan_feasibly
+from pips_drake.planning.grid import Grid
+from pips_drake.planning.grid_search import NoPathError
+from pips_drake.planning.occupancy import Occupancy
+from pips_drake.planning.planner import PlannerSettings, plan_to_goal
+from pips_drake.planning.snake import SnakeSettings
+from pips_drake.scene.packages import find_scene_file
+from pips_drake.scene.signed_distance import PlacedShape, read_distance_field
+from pips_drake.serpentine.arm import load_arm
+from pips_drake.serpentine.plan import joint_margins, make_plan
+
+from .test_planner import AXIS_X, HOME, in_the_gap
+
+MARGIN = 0.025
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_arm("cmu_92")
+
+
+@pytest.fixture(scope="module")
+def occupancy():
+    grid = Grid(
+        lower=np.array([4.4, -math.pi, 1.5]),
+        upper=np.array([14.0, math.pi, 2.28]),
+        shape=(96, 128, 8),
+        unfolded=True,
+        origin=np.array([AXIS_X, 0.0, 0.0]),
+    )
+    return Occupancy.of(read_distance_field(find_scene_file("cargo_bay")), grid, 0.12)
+
+
+#: Straight behind the port's edge, where the bend at the lead's nail asks too much of a hinge.
+SIDEWAYS = in_the_gap(100.0, 0.6)
+
+
+def test_a_bend_beyond_the_joints_is_widened_until_they_can_follow(arm, occupancy):
+    plain = plan_to_goal(arm, occupancy, SIDEWAYS, home_tip=HOME)
+    assert any("leaves its limits" in words for words in plain.plan.failures)
+    found = plan_feasibly(arm, occupancy, SIDEWAYS, home_tip=HOME, margin=MARGIN)
+    assert found.feasible, found.failures
+    assert found.best.plan.followable
+    # The limits, once more from the postures.
+    assert joint_margins(arm, found.best.plan.joints)[:, 1:].min() > 0.0
+    assert found.clearance.lower >= MARGIN
+    assert_allclose(found.best.points[-1], SIDEWAYS, rtol=0, atol=1e-12)
+    first, last = found.attempts[0], found.attempts[-1]
+    assert first.change == "" and first.hinge_margin < 0.0 < last.hinge_margin
+    assert math.isnan(first.clearance) and last.clearance == found.clearance.lower
+    assert all(one.change for one in found.attempts[1:])
+
+
+def test_a_judge_is_asked_and_believed(arm, occupancy):
+    """One that wants half again as much room is content in the end, or quoted."""
+    asked = []
+
+    def judge(plan):
+        asked.append(plan)
+        return (0.01 if len(asked) == 1 else 0.04), "segment_1 proved to 10 mm of the wall"
+
+    goal = in_the_gap(90.0, 7.5)
+    found = plan_feasibly(arm, occupancy, goal, home_tip=HOME, margin=MARGIN, judge=judge)
+    assert found.feasible
+    assert len(asked) == 2
+    assert [one.judged for one in found.attempts] == [0.01, 0.04]
+    assert found.best.plan is asked[-1].plan
+    refused = plan_feasibly(
+        arm,
+        occupancy,
+        goal,
+        home_tip=HOME,
+        margin=MARGIN,
+        judge=lambda plan: (0.01, "segment_1 proved to 10 mm of the wall"),
+        most_attempts=2,
+    )
+    assert refused.failures == ("segment_1 proved to 10 mm of the wall",)
+    assert refused.best.plan.followable
+
+
+def test_what_stops_it_is_said_with_where_and_the_best_attempt_is_kept(arm, occupancy):
+    goal = in_the_gap(90.0, 7.5)
+    found = plan_feasibly(arm, occupancy, goal, home_tip=HOME, margin=0.12, most_attempts=3)
+    assert not found.feasible
+    assert len(found.attempts) == 3
+    assert "must be 120 mm or more from it" in found.failures[0]
+    assert "m from home" in found.failures[0]
+    assert found.best.plan.followable
+    clear = [one.clearance for one in found.attempts]
+    assert found.clearance.lower == max(clear)
+
+
+def test_a_gap_that_bends_more_tightly_than_the_joints_names_the_joint(arm):
+    """An elbow of 0.45 m: the arm's links are as long."""
+    field = read_distance_field(find_scene_file("cargo_bay")).with_shapes([])
+    field = field.without_body("bay::bay").without_body("payload::payload")
+    field = field.without_body("obstacles::obstacles")
+    tip = np.array(HOME)
+    route = tip + np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 1.0], [0.3, 0.0, 1.0], [0.3, 0.0, 0.3]])
+    nails = tip + np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
+    found = make_feasible(
+        arm, field, route, home_tip=HOME, nails=nails, margin=MARGIN, most_attempts=5
+    )
+    assert not found.feasible
+    assert "joint theta" in found.failures[0] or "module" in found.failures[0]
+    assert len(found.attempts) > 3
+
+
+def test_the_arm_that_is_too_short_for_the_way_is_told_both_lengths(arm, occupancy):
+    with pytest.raises(NotFollowableError, match=r"needs 11\.\d+ m .* must be 8\.89 m or less"):
+        plan_feasibly(arm, occupancy, in_the_gap(180.0, 8.8), home_tip=HOME, margin=MARGIN)
+
+
+def test_a_start_in_collision_is_refused(arm, occupancy):
+    block = PlacedShape("block", "", Box(0.4, 0.4, 0.1), RigidTransform([0.41, 0.0, 4.3]))
+    near = PlacedShape("block", "", Box(0.4, 0.4, 0.1), RigidTransform([0.7, 0.0, 4.3]))
+    for shape, words in ((block, "mm inside block"), (near, "comes within .* of block")):
+        blocked = occupancy.updated(occupancy.field.with_shapes([shape]))
+        with pytest.raises(InputError, match=f"start: .* {words}"):
+            plan_feasibly(arm, blocked, SIDEWAYS, home_tip=HOME, margin=0.05)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"margin": math.nan}, "clearance margin = nan m; must be 0 or more"),
+        ({"margin": -0.01}, "clearance margin"),
+        ({"most_attempts": 0}, "most_attempts = 0; must be 1 or more"),
+        ({"nails": [[math.nan, 0.0, 0.0]]}, "nail at .*three finite numbers"),
+        ({"end_direction": [0.0, 0.0, 0.0]}, "end direction .* not all 0"),
+        ({"home_tip": [0.6, 0.0, 4.4425]}, "base line|nearer|start"),
+        ({"goal": [math.nan, 0.0, 0.0]}, "three finite numbers"),
+        ({"goal": [AXIS_X, 0.0, 8.0]}, "outside the workspace|must be 0.12 m or more"),
+    ],
+)
+def test_what_means_nothing_is_refused_in_one_line(arm, occupancy, given, words):
+    asked = {"goal": SIDEWAYS, "home_tip": HOME, "margin": MARGIN} | given
+    with pytest.raises(InputError, match=words) as refused:
+        plan_feasibly(arm, occupancy, asked.pop("goal"), **asked)
+    assert "\n" not in str(refused.value)
+
+
+def test_no_way_is_no_way(arm, occupancy):
+    disc = PlacedShape("wall", "", Box(5.0, 5.0, 0.04), RigidTransform([AXIS_X, 0.0, 9.7]))
+    walled = occupancy.updated(occupancy.field.with_shapes([disc]))
+    with pytest.raises(NoPathError, match="in the way: wall"):
+        plan_feasibly(arm, walled, in_the_gap(180.0, 7.0), home_tip=HOME, margin=MARGIN)
+
+
+def test_a_snake_without_stiffness_gets_some(arm, occupancy):
+    soft = PlannerSettings(snake=SnakeSettings(bending_stiffness=0.0))
+    found = plan_feasibly(
+        arm, occupancy, SIDEWAYS, home_tip=HOME, margin=MARGIN, settings=soft, most_attempts=20
+    )
+    stiff = [one.bending_stiffness for one in found.attempts]
+    assert stiff[0] == 0.0 and stiff == sorted(stiff)
+    assert found.feasible or stiff[-1] > 0.0
+    assert make_plan(arm, replace(found.best.plan.path)).followable == found.best.plan.followable
