@@ -1,20 +1,29 @@
 """Whether two paths can slide into each other without meeting an obstacle (CMU-92 section 3.3).
 
 A snake comes to rest at the same place from either of two paths with the same ends if nothing
-stands between them. What is between is the surface
+stands between them. What is between is taken to be the surface
 
-    H(u, v) = (1 - v) a(u) + v b(u),    u a share of either path's length, 0 <= v <= 1,
+    H(u, v) = (1 - v) a(u) + v b(u),    0 <= v <= 1,
 
 in the grid's coordinates: in unfolded ones, for straight lines in the world would cut through the
 payload. The angle is counted on along each path: two paths that end at one point after a different
-number of turns do not slide into each other, whatever is between.
+number of turns do not slide into each other over the gap.
 
-Nothing is missed, however thin. Paths are taken as a(u) that are linear, in the grid's coordinates,
-between points a_k at equal shares of length, a cell apart or less. On the patch of H between u_k
-and u_k+1, from v0 to v1, go from the middle M first along u, then along v. In unfolded coordinates
-a way's length in the world is that of (d along, out d around, d out), and with R, the largest `out`
-of either path, in place of `out` it becomes a norm |.|_R and is no shorter: H's `out` is a mean of
-theirs. Norms of linear functions are convex, so that no point of the patch is farther from M than
+Three such surfaces are tried. First a and b at equal shares u of their lengths. Where one path is
+longer, these are not beside each other, and the surface cuts corners that both go around: so then
+points are matched in order with the least sum of squared distances. At last straight through the
+world, for before and behind the payload there is room across the axis. Any of the three that is
+clear shows that the paths slide; that all meet something does not prove that they cannot: bent
+surfaces may be clear. (Surfaces that are bent around what they meet were tried, and lifted paths
+over obstacles that the snakes did not pass over.)
+
+On a surface nothing is missed, however thin. Paths are taken as a(u) that are linear, in the
+coordinates of H, between points a_k at equal shares of length, a cell apart or less. On the patch
+of H between u_k and u_k+1, from v0 to v1, go from the middle M first along u, then along v. In
+unfolded coordinates a way's length in the world is that of (d along, out d around, d out), and with
+R, the largest `out` of either path, in place of `out` it becomes a norm |.|_R and is no shorter:
+H's `out` is a mean of theirs. Norms of linear functions are convex, so that no point of the patch
+is farther from M than
 
     rho = (u1 - u0)/2 max(|a_k+1 - a_k|_R, |b_k+1 - b_k|_R) + (v1 - v0)/2 max(|b - a|_R at k, k + 1)
 
@@ -27,7 +36,8 @@ c - RESOLUTION, and counts as clear.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +47,7 @@ from pips_drake.planning.grid import Grid
 from pips_drake.planning.occupancy import Occupancy
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 #: How much nearer to an obstacle than asked for two paths may slide past each other unseen, m.
 RESOLUTION = 5e-3
@@ -69,7 +80,7 @@ def can_slide(
 def what_they_meet(
     occupancy: Occupancy, path_a: ArrayLike, path_b: ArrayLike, *, clearance: float = 0.0
 ) -> Met | None:
-    """What two paths meet on their way into each other, at equal shares of length; None: nothing.
+    """What two paths meet on their way into each other; None: nothing, they slide.
 
     Args:
         occupancy: its grid's coordinates are what paths slide in; its field, what they may meet.
@@ -77,21 +88,41 @@ def what_they_meet(
         clearance: nearer than this to an obstacle's surface meets it, m.
 
     Raises:
-        InputError: a path is no path; or a path in unfolded coordinates passes the axis.
+        InputError: a path is not of (N, 3) finite numbers.
     """
     grid = occupancy.grid
     a, b = _checked("first", path_a), _checked("second", path_b)
     spacing = float(grid.least_lengths.min())
     longest = max(path_length(a), path_length(b))
     count = max(int(np.ceil(longest / spacing)), 1) + 1
-    qa, qb = (_along(grid, equal_shares(path, count)) for path in (a, b))
-    if grid.unfolded:
-        turns = np.round((qb[0, 1] - qa[0, 1]) / (2.0 * np.pi))
-        qb[:, 1] -= 2.0 * np.pi * turns
-        same_goal = float(np.linalg.norm(a[-1] - b[-1])) <= SAME_END
-        if same_goal and abs(qb[-1, 1] - qa[-1, 1]) > np.pi:
-            return Met("a turn around the axis", np.full(3, np.nan), 0.5)
-    return _sweep(occupancy, qa, qb, clearance)
+    world = [equal_shares(path, count) for path in (a, b)]
+    first: Met | None = None
+    for way in _ways(grid, world):
+        met = way if isinstance(way, Met) else _sweep(occupancy, way, clearance)
+        if met is None:
+            return None
+        first = first or met
+    return first
+
+
+def _ways(grid: Grid, world: list[Array]) -> Iterator[Met | _Way]:
+    """The ways in which two paths (N, 3) m may slide, or what keeps them from it."""
+    straight = _Way(world[0], world[1], False)
+    if not grid.unfolded:
+        yield straight
+        yield straight.matched()
+        return
+    qa, qb = (unwrapped(grid, points) for points in world)
+    qb[:, 1] -= 2.0 * np.pi * np.round((qb[0, 1] - qa[0, 1]) / (2.0 * np.pi))
+    same_goal = float(np.linalg.norm(world[0][-1] - world[1][-1])) <= SAME_END
+    if same_goal and abs(qb[-1, 1] - qa[-1, 1]) > np.pi:
+        yield Met("a turn around the axis", np.full(3, np.nan), 0.5)
+    else:
+        unfolded = _Way(qa, qb, True)
+        yield unfolded
+        yield unfolded.matched()
+    # Beside the end of what the gap goes around there may be room across the axis.
+    yield straight.matched()
 
 
 def path_length(points: Array) -> float:
@@ -115,13 +146,6 @@ def unwrapped(grid: Grid, points: Array) -> Array:
     return q
 
 
-def _along(grid: Grid, points: Array) -> Array:
-    q = unwrapped(grid, points)
-    if grid.unfolded and not (q[:, 2] > 0.0).all():
-        raise InputError("path passes the axis that the workspace is unfolded around")
-    return q
-
-
 def _checked(which: str, path: ArrayLike) -> Array:
     p = np.asarray(path, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 3 or len(p) < 1 or not np.isfinite(p).all():
@@ -129,12 +153,55 @@ def _checked(which: str, path: ArrayLike) -> Array:
     return p
 
 
-def _sweep(occupancy: Occupancy, qa: Array, qb: Array, clearance: float) -> Met | None:
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """Points of two paths in the coordinates that they slide in, those with one index together."""
+
+    qa: Array
+    qb: Array
+    unfolded: bool
+
+    @property
+    def weights(self) -> Array:
+        """Of |.|_R."""
+        weights = np.ones(3)
+        if self.unfolded:
+            weights[1] = max(self.qa[:, 2].max(), self.qb[:, 2].max())
+        return weights
+
+    def matched(self) -> _Way:
+        """Other points together: in order, and so that the squares of their distances have the
+        least sum (dynamic time warping)."""
+        apart = (self.qa[:, None] - self.qb[None]) * self.weights
+        rows, columns = _matching(np.einsum("ijk,ijk->ij", apart, apart))
+        return replace(self, qa=self.qa[rows], qb=self.qb[columns])
+
+
+def _matching(costs: Array) -> tuple[Indices, Indices]:
+    """Pairs (K,), (K,) of rows and columns from the first ones to the last, in steps of at most one
+    along both, whose costs (N, M) have the least sum."""
+    rows, columns = costs.shape
+    total = np.full((rows + 1, columns + 1), np.inf)
+    total[0, 0] = 0.0
+    # All pairs with one sum of their indices at a time.
+    for both in range(rows + columns - 1):
+        i = np.arange(max(0, both - columns + 1), min(rows, both + 1))
+        j = both - i
+        before = np.minimum(np.minimum(total[i, j], total[i, j + 1]), total[i + 1, j])
+        total[i + 1, j + 1] = costs[i, j] + before
+    i, j = rows, columns
+    pairs = [(i, j)]
+    while (i, j) != (1, 1):
+        steps = [(i - 1, j - 1), (i - 1, j), (i, j - 1)]
+        i, j = min(steps, key=lambda step: total[step])
+        pairs.append((i, j))
+    found = np.array(pairs[::-1], dtype=np.int64) - 1
+    return found[:, 0], found[:, 1]
+
+
+def _sweep(occupancy: Occupancy, way: _Way, clearance: float) -> Met | None:
     """Patches of H, all of one size at a time; the module's docstring has the proof."""
-    grid = occupancy.grid
-    weights = np.ones(3)
-    if grid.unfolded:
-        weights[1] = max(qa[:, 2].max(), qb[:, 2].max())
+    qa, qb, weights = way.qa, way.qb, way.weights
     steps = [np.linalg.norm(np.diff(q, axis=0) * weights, axis=1) for q in (qa, qb)]
     across = np.linalg.norm((qb - qa) * weights, axis=1)
     k = np.arange(len(qa) - 1)
@@ -146,7 +213,9 @@ def _sweep(occupancy: Occupancy, qa: Array, qb: Array, clearance: float) -> Met 
     du, dv = u.copy(), v.copy()
     while len(k):
         ends = [q[k] + u[:, None] * (q[k + 1] - q[k]) for q in (qa, qb)]
-        points = grid.to_world(ends[0] + v[:, None] * (ends[1] - ends[0]))
+        points = ends[0] + v[:, None] * (ends[1] - ends[0])
+        if way.unfolded:
+            points = occupancy.grid.to_world(points)
         distances = occupancy.field.distances(points)
         worst = int(np.argmin(distances))
         if distances[worst] < clearance:

@@ -1,0 +1,175 @@
+"""How far an arm draws back before it goes on to a new goal (CMU-92 section 3.3, Figure 3.3).
+
+From places along the arm's present line the shortest paths to the new goal are sought. A snake laid
+on either of two neighbouring ones, with the same ends, comes to rest at the same place as long as
+nothing stands between them; then it is as well to begin farther back, where less of the arm is
+exposed. So the arm draws back over places whose paths slide into each other (`sliding`), from the
+tip towards the base, and stops before the first pair that do not: beyond that, the snake would come
+to lie on the other side of something.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pips_drake.errors import InputError
+from pips_drake.planning.grid_search import NoPathError, find_path
+from pips_drake.planning.occupancy import Occupancy
+from pips_drake.planning.quick_pull import pull_quickly
+from pips_drake.planning.sliding import Met, what_they_meet
+
+Array = NDArray[np.float64]
+
+#: Places along the arm's line from which paths are sought.
+PLACES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A way to the goal from a place on the arm's line.
+
+    Attributes:
+        origin: where the line is left, m from its beginning.
+        path: from there to the goal, pulled tight, (N, 3) m.
+        line: the part of the arm's line that is kept, and the path, (M, 3) m.
+    """
+
+    origin: float
+    path: Array
+    line: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """Two candidates one after the other, with the ends of the one farther back.
+
+    Attributes:
+        near, far: their origins, m along the line, near < far.
+        path_near, path_far: from the place at `near` to the goal: straight away, and along the line
+            to the place at `far` first; (N, 3), (M, 3) m.
+        met: what is between them; None if they slide into each other.
+    """
+
+    near: float
+    far: float
+    path_near: Array
+    path_far: Array
+    met: Met | None
+
+    @property
+    def same(self) -> bool:
+        """Whether snakes laid on them are predicted to come to rest at the same place."""
+        return self.met is None
+
+
+@dataclass(frozen=True, eq=False)
+class Retraction:
+    """How far an arm draws back.
+
+    Attributes:
+        origin: length of the line that it keeps, m.
+        chosen: the way from there.
+        stopped_by: what stands between the chosen way and that from the next place farther back;
+            None where the arm is drawn back as far as its line goes.
+        candidates: all the ways, from the tip's place to the one farthest back that was looked at.
+    """
+
+    origin: float
+    chosen: Candidate
+    stopped_by: Met | None
+    candidates: tuple[Candidate, ...]
+
+
+def retraction_point(
+    occupancy: Occupancy,
+    line: ArrayLike,
+    goal: ArrayLike,
+    *,
+    places: int = PLACES,
+    clearance: float = 0.0,
+) -> Retraction:
+    """How far an arm on a line draws back, before it goes on to a goal.
+
+    Args:
+        occupancy: where it may go.
+        line: from the arm's base to its tip, (N, 3) m in the world; clear.
+        goal: (3,) m.
+        places: how many, at equal shares of the line, are looked at; 2 or more. Those that the grid
+            lets no arm begin at are left out.
+        clearance: nearer than this to an obstacle's surface paths do not slide, m.
+
+    Raises:
+        InputError: the line is no line; the goal or all places are outside the workspace or too
+            near to an obstacle.
+        NoPathError: there is no way from any place.
+    """
+    points, arcs = _checked(line, places)
+    chosen: Candidate | None = None
+    found: list[Candidate] = []
+    why: InputError | NoPathError | None = None
+    for arc in np.linspace(arcs[-1], 0.0, places):
+        try:
+            candidate = candidate_from(occupancy, points, float(arc), goal)
+        except (InputError, NoPathError) as error:
+            why = why or error
+            continue
+        found.append(candidate)
+        if chosen is not None:
+            met = neighbours(occupancy, points, candidate, chosen, clearance=clearance).met
+            if met is not None:
+                return Retraction(chosen.origin, chosen, met, tuple(found))
+        chosen = candidate
+    if chosen is None:
+        assert why is not None
+        raise why
+    return Retraction(chosen.origin, chosen, None, tuple(found))
+
+
+def candidate_from(
+    occupancy: Occupancy, line: ArrayLike, origin: float, goal: ArrayLike
+) -> Candidate:
+    """The way to a goal that leaves a line (N, 3) m at an arc length, m.
+
+    Raises:
+        InputError, NoPathError: as of `find_path`.
+    """
+    points, arcs = _checked(line, 2)
+    kept = np.vstack([points[arcs < origin], _at(points, arcs, origin)])
+    path = find_path(occupancy, kept[-1], goal).points
+    pulled = pull_quickly(occupancy.field, path, occupancy.radius)
+    return Candidate(origin, pulled, np.concatenate([kept, pulled[1:]]))
+
+
+def neighbours(
+    occupancy: Occupancy,
+    line: ArrayLike,
+    near: Candidate,
+    far: Candidate,
+    *,
+    clearance: float = 0.0,
+) -> Neighbours:
+    """Whether the ways from two places on a line (N, 3) m slide into each other."""
+    points, arcs = _checked(line, 2)
+    between = points[(arcs > near.origin) & (arcs < far.origin)]
+    start = _at(points, arcs, near.origin)
+    longer = np.concatenate([start[None], between, far.path])
+    met = what_they_meet(occupancy, near.path, longer, clearance=clearance)
+    return Neighbours(near.origin, far.origin, near.path, longer, met)
+
+
+def _checked(line: ArrayLike, places: int) -> tuple[Array, Array]:
+    """The line's points and their arc lengths, m."""
+    points = np.asarray(line, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < 1 or not np.isfinite(points).all():
+        raise InputError(f"arm's line of shape {points.shape}; must be (N, 3) finite numbers")
+    if places < 2:
+        raise InputError(f"places on the arm's line = {places}; must be 2 or more")
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return points, np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _at(points: Array, arcs: Array, arc: float) -> Array:
+    return np.array([np.interp(arc, arcs, x) for x in points.T])
