@@ -85,7 +85,7 @@ def raster(
     standoff: float,
     overlap: float = 0.2,
     lines: Literal["around", "along"] = "around",
-    step: float = 0.07,
+    step: float = 0.1,
 ) -> ScanPattern:
     """Lines to and fro, joined at their ends.
 
@@ -126,7 +126,7 @@ def helix(
     *,
     standoff: float,
     overlap: float = 0.2,
-    step: float = 0.07,
+    step: float = 0.1,
 ) -> ScanPattern:
     """Around and around, a strip's width times (1 - overlap) farther with every turn.
 
@@ -154,7 +154,7 @@ def pattern_of_points(
     *,
     target: CylinderTarget | None = None,
     field: SignedDistanceField | None = None,
-    step: float = 0.07,
+    step: float = 0.1,
 ) -> ScanPattern:
     """A pattern that is given point by point, for any surface.
 
@@ -195,7 +195,7 @@ def read_pattern(
     *,
     target: CylinderTarget | None = None,
     field: SignedDistanceField | None = None,
-    step: float = 0.07,
+    step: float = 0.1,
 ) -> ScanPattern:
     """`pattern_of_points` of a CSV table with a header x_m,y_m,z_m or x_in,y_in,z_in.
 
