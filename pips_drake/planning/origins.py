@@ -11,8 +11,10 @@ The line itself is a way for the arm, so that d(s) <= (t - s) + d(t) for s < t. 
 never grows with s, and the second never falls: the least tip travel is from where the tip is
 (s = L), the least exposed length from the base (s = 0). But the latter would draw the arm back even
 where that gains nothing: so it is drawn back no farther than to where the exposed length is the
-least but for a small share, which halving finds. When the way from the tip needs more arm than
-there is, the arm is drawn back after all.
+least but for a small share, which halving finds. (Where ways slide into each other, `retraction`,
+an arm need not be drawn back even so far: but only if it moves sideways with its snake, which makes
+what is kept of the line as short as it would be from the base. Here the line stays as it lies.)
+When the way from the tip needs more arm than there is, the arm is drawn back after all.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.planning.grid_search import NoPathError, find_path, nearest_free_cells
 from pips_drake.planning.occupancy import Occupancy
-from pips_drake.planning.string_pull import pull
+from pips_drake.planning.quick_pull import pull_quickly
 
 Array = NDArray[np.float64]
 
@@ -137,7 +139,7 @@ class _Search:
         """The way that leaves the line at an arc length, m."""
         kept = self._kept(origin)
         path = find_path(self._occupancy, kept[-1], self._goal)
-        pulled = pull(self._occupancy.field, path.points, self._occupancy.radius)
+        pulled = pull_quickly(self._occupancy.field, path.points, self._occupancy.radius)
         length = float(np.linalg.norm(np.diff(pulled, axis=0), axis=1).sum())
         return Extension(
             rule=rule,

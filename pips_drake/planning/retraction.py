@@ -1,11 +1,16 @@
 """How far an arm draws back before it goes on to a new goal (CMU-92 section 3.3, Figure 3.3).
 
-From places along the arm's present line the shortest paths to the new goal are sought. A snake laid
-on either of two neighbouring ones, with the same ends, comes to rest at the same place as long as
-nothing stands between them; then it is as well to begin farther back, where less of the arm is
-exposed. So the arm draws back over places whose paths slide into each other (`sliding`), from the
-tip towards the base, and stops before the first pair that do not: beyond that, the snake would come
-to lie on the other side of something.
+The arm may leave its present line at any place of it; the farther back, the less of it is exposed,
+and the farther the tip travels. From places along the line, the base's first, the shortest paths to
+the new goal are sought. A snake from the base, over the part of the line that is kept, to the goal
+comes to rest at the same place from any two neighbouring ones as long as nothing stands between
+them. So all places up to the first pair with something between give the snake that the base gives,
+which is the shortest, and of these the one farthest out costs the least way of the tip: the arm
+draws back to there. Beyond, the snake would come to lie on the other side of something.
+
+That is the rule for an arm that moves with its snake while that settles. An arm that only follows
+its own tip keeps the line as it lies, bends and all: for that, `origins.extend` looks at the length
+of the line itself.
 """
 
 from __future__ import annotations
@@ -72,9 +77,10 @@ class Retraction:
     Attributes:
         origin: length of the line that it keeps, m.
         chosen: the way from there.
-        stopped_by: what stands between the chosen way and that from the next place farther back;
-            None where the arm is drawn back as far as its line goes.
-        candidates: all the ways, from the tip's place to the one farthest back that was looked at.
+        stopped_by: what stands between the chosen way and that from the next place farther out;
+            None where the arm need not draw back.
+        candidates: all the ways that were looked at, from the base's on; the chosen one is the last
+            or, with something beyond it, the last but one.
     """
 
     origin: float
@@ -98,7 +104,7 @@ def retraction_point(
         line: from the arm's base to its tip, (N, 3) m in the world; clear.
         goal: (3,) m.
         places: how many, at equal shares of the line, are looked at; 2 or more. Those that the grid
-            lets no arm begin at are left out.
+            lets no arm begin at, before a port for example, are left out.
         clearance: nearer than this to an obstacle's surface paths do not slide, m.
 
     Raises:
@@ -107,25 +113,24 @@ def retraction_point(
         NoPathError: there is no way from any place.
     """
     points, arcs = _checked(line, places)
-    chosen: Candidate | None = None
     found: list[Candidate] = []
     why: InputError | NoPathError | None = None
-    for arc in np.linspace(arcs[-1], 0.0, places):
+    met: Met | None = None
+    for arc in np.linspace(0.0, arcs[-1], places):
         try:
-            candidate = candidate_from(occupancy, points, float(arc), goal)
+            found.append(candidate_from(occupancy, points, float(arc), goal))
         except (InputError, NoPathError) as error:
             why = why or error
             continue
-        found.append(candidate)
-        if chosen is not None:
-            met = neighbours(occupancy, points, candidate, chosen, clearance=clearance).met
+        if len(found) > 1:
+            met = neighbours(occupancy, points, *found[-2:], clearance=clearance).met
             if met is not None:
-                return Retraction(chosen.origin, chosen, met, tuple(found))
-        chosen = candidate
-    if chosen is None:
+                break
+    if not found:
         assert why is not None
         raise why
-    return Retraction(chosen.origin, chosen, None, tuple(found))
+    chosen = found[-1] if met is None else found[-2]
+    return Retraction(chosen.origin, chosen, met, tuple(found))
 
 
 def candidate_from(

@@ -122,28 +122,31 @@ def test_in_space_a_box_between_is_met_and_one_beside_is_not():
 
 
 def test_an_arm_is_drawn_back_to_before_the_post_that_stands_between(one_post):
-    """Its line goes by the post on the left; the goal is behind it on the right, so that from far
-    enough back the way goes by on the right."""
+    """Its line goes by the post on the left; the goal is behind it on the right: from the base the
+    way goes by on the right, and from far enough out around the post's other end."""
+
+    def passes(path):
+        around = np.unwrap(np.arctan2(path[:, 1], path[:, 0]))
+        return np.interp(0.0, path[:, 2], around)
+
     line = along_gap((-0.5, -3.0), (0.3, -0.6), (0.3, 3.0))
     goal = at(-0.5, 0.8)
     found = retraction_point(one_post, line, goal, places=12)
-    assert found.stopped_by is not None
     assert found.stopped_by.label == "post"
-    length = path_length(line)
-    assert found.origin < 0.75 * length
-    # From the place before the chosen one it goes by on the right.
-    farther = found.candidates[-1].path
-    assert np.interp(0.0, farther[:, 2], np.arctan2(farther[:, 1], farther[:, 0])) < -0.1
+    assert 0.0 < found.origin < 0.75 * path_length(line)
     assert found.chosen is found.candidates[-2]
+    assert found.origin == found.chosen.origin
+    assert passes(found.chosen.line) < -0.1
+    assert passes(found.candidates[-1].line) > 0.1
     np.testing.assert_allclose(found.chosen.line[[0, -1]], [line[0], goal], rtol=0, atol=1e-12)
 
 
-def test_with_nothing_between_it_is_drawn_back_to_its_base():
-    bare = gap_with()
+def test_with_nothing_between_it_need_not_be_drawn_back():
+    """The snake slides to where it would lie from the base."""
     line = along_gap((0.0, -3.0), (0.8, 0.0), (0.3, 2.0))
-    found = retraction_point(bare, line, at(1.2, -1.0))
+    found = retraction_point(gap_with(), line, at(1.2, -1.0))
     assert found.stopped_by is None
-    assert found.origin == 0.0
+    assert found.origin == pytest.approx(path_length(line))
     assert len(found.candidates) == 8
 
 
