@@ -200,7 +200,12 @@ def test_default_objects_are_not_shared():
 
 BAD = {
     "machine: crane\npath: a": "machine = crane; must be serpentine",
-    "machine: serpentine": "path = ''; must be a shipped path or a file",
+    "machine: serpentine": "path = ''; must be a shipped path or a file, or joints given",
+    MINIMAL + "joints: a.csv": "joints = 'a.csv'; must be empty with a path",
+    MINIMAL + "rail_shift_m: 1": "rail_shift_m = 1.0; must be 0 with a path",
+    "machine: serpentine\njoints: a.csv\nrail_shift_m: 2e3": (
+        "rail_shift_m = 2000.0; must be within +-1000"
+    ),
     MINIMAL + "mounting: ceiling": (
         "unknown mounting 'ceiling'; known: laboratory, pad, pad_below"
     ),
