@@ -195,6 +195,26 @@ def least_clearance(
     )
 
 
+def too_near(
+    field: SignedDistanceField, found: ClearanceBound, margin: float, ahead: float | None = None
+) -> str:
+    """The sentence that says which body is too near to what.
+
+    Args:
+        margin: that it must keep, m.
+        ahead: how far the tip is from home there, m.
+    """
+    where = ", ".join(f"{x + 0.0:.4g}" for x in np.round(found.point, 4))
+    how = f"comes within {1e3 * found.lower:.1f} mm of"
+    if found.seen < 0.0:
+        how = f"is {-1e3 * found.seen:.1f} mm inside"
+    tip = "" if ahead is None else f", with the tip {ahead:.4g} m from home"
+    return (
+        f"{found.body} {how} {field.label(found.obstacle)} at ({where}) m{tip}; must be "
+        f"{1e3 * margin:.4g} mm or more from it"
+    )
+
+
 class _Look:
     """Distances of bodies in postures, and the least of all that were seen."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError, NotFollowableError
-from pips_drake.planning.arm_clearance import ClearanceBound, arm_bodies, least_clearance
+from pips_drake.planning.arm_clearance import arm_bodies, least_clearance, too_near
 from pips_drake.planning.attempts import SHARES, Attempt, Judge, Short, Tried, Weights
 from pips_drake.planning.planner import GoalPlan, Laid, home_of, judged, lay
 from pips_drake.scene.signed_distance import SignedDistanceField
@@ -43,8 +43,9 @@ _CHORDS = 0.97
 _NEAR, _MOST_AT_END = 1.5, 3
 # A snake that does not rest within so many steps is taken as it is.
 _MOST_STEPS = 600
-# Clearance that grows by less than this has not grown, m; so often, and it is given up.
-_GROWN, _MOST_USELESS = 5e-4, 5
+# What is short and has not become less than this share of it has gained nothing; so often in a row,
+# and it is given up.
+_GAINED, _MOST_USELESS = 0.98, 5
 
 
 class PathWork:
@@ -69,7 +70,7 @@ class PathWork:
         self._bodies = arm_bodies(arm)
         self._link = float(arm.average_module_length.mean())
         self._local = self._at_end = self._useless = 0
-        self._least_short = math.inf
+        self._least_short: dict[str, float] = {}
         # Where hinges and obstacles want the opposite, less and less is changed.
         self._factor, self._last_kind = _MORE, ""
 
@@ -91,7 +92,7 @@ class PathWork:
             bodies=self._bodies,
         )
         if found.lower < self._margin:
-            raise InputError(f"start: {self._near(found, '')}")
+            raise InputError(f"start: {too_near(self._field, found, self._margin)}")
 
     def check_length(self) -> None:
         """Refuses what is too far however the path is laid."""
@@ -176,15 +177,15 @@ class PathWork:
         if self._last_kind and kind != self._last_kind:
             self._factor = math.sqrt(self._factor)
         self._last_kind = kind
+        least = self._least_short.get(short.kind, math.inf)
+        self._useless = 0 if short.amount < _GAINED * least else self._useless + 1
+        self._least_short[short.kind] = min(least, short.amount)
         if kind == "bends":
             self._straighten(tried.laid.path, short.at)
         elif kind == "feed":
             change = f"tension x {_MORE:g}: the path is too long"
             self._weights = self._weights.tenser(_MORE, change)
         else:
-            grown = short.amount < self._least_short - _GROWN
-            self._useless = 0 if grown else self._useless + 1
-            self._least_short = min(self._least_short, short.amount)
             self._clear(tried.laid.path, short.at)
         return self._factor > _LEAST_FACTOR and self._useless < _MOST_USELESS
 
@@ -249,7 +250,7 @@ class PathWork:
             at = float(where[0])
         if found.lower < self._margin:
             ahead = found.tip_arc_length - path.home_arc_length
-            sentence = self._near(found, f", with the tip {ahead:.4g} m from home")
+            sentence = too_near(self._field, found, self._margin, ahead)
             short = Short("clearance", self._margin - found.lower, at, sentence)
             return replace(tried, short=short)
         plan = self.plan_of(laid)
@@ -286,14 +287,3 @@ class PathWork:
         if margin >= 0.0:
             how = f"comes within {margin:.3g} {unit} of its limit"
         return f"joint {name} {how}, with the tip {tip - path.home_arc_length:.4g} m from home"
-
-    def _near(self, found: ClearanceBound, tip: str) -> str:
-        where = ", ".join(f"{x + 0.0:.4g}" for x in np.round(found.point, 4))
-        label = self._field.label(found.obstacle)
-        how = f"comes within {1e3 * found.lower:.1f} mm of"
-        if found.seen < 0.0:
-            how = f"is {-1e3 * found.seen:.1f} mm inside"
-        return (
-            f"{found.body} {how} {label} at ({where}) m{tip}; must be "
-            f"{1e3 * self._margin:.4g} mm or more from it"
-        )

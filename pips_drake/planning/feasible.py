@@ -119,6 +119,7 @@ def make_feasible(
     margin: float,
     judge: Judge | None = None,
     most_attempts: int = MOST_ATTEMPTS,
+    rough: bool = False,
 ) -> FeasiblePlan:
     """A route, bent until the arm can follow it with a clearance.
 
@@ -126,6 +127,8 @@ def make_feasible(
         route, home_tip, nails, keep, end_direction, settings: as of `planner.plan_along`. With
             `keep`, what is judged begins where that ends.
         margin, judge, most_attempts: as of `plan_feasibly`.
+        rough: the route is somebody's sketch: it begins beyond the home tip without a lead, and how
+            long it is says nothing yet.
 
     Raises:
         InputError, NotFollowableError: as of `plan_feasibly`.
@@ -146,11 +149,13 @@ def make_feasible(
             settings=settings or PlannerSettings(),
             end_direction=end_direction,
             shares=np.ones(SHARES),
+            nail_lead=not rough,
         ),
     )
     if keep is None:
         work.check_start()
-    work.check_length()
+    if not rough:
+        work.check_length()
     tried: list[Tried] = []
     for _ in range(most_attempts):
         tried.append(work.try_once(judge))
