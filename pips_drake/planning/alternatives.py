@@ -102,8 +102,9 @@ def _by_classes(
 ) -> list[Alternative]:
     surface = Surface.of(occupancy)
     # Loops around obstacles are left out, so that more than wanted are looked for.
-    for more in (2 * count + 1, 6 * count + 6):
-        paths = _shortest_of_classes(surface, first[0], first[-1], more, _OFF * longest)
+    search = _ClassSearch(surface, first[0], first[-1])
+    for more in (count + 1, 2 * count + 2, 6 * count + 6):
+        paths = search.shortest(more, _OFF * longest)
         simple = [path for path, cells in paths if not loops(occupancy.grid, cells)]
         if len(simple) > count or len(paths) < more:
             break
@@ -119,37 +120,57 @@ def _by_classes(
     return [replace(one, words=_in_words(surface, found, n)) for n, one in enumerate(found)]
 
 
-def _shortest_of_classes(
-    surface: Surface, start: Array, goal: Array, count: int, longest: float
-) -> list[tuple[Array, Cells]]:
-    """The shortest path of each class: start, centres of cells, goal, (N, 3) m; and its cells."""
-    occupancy = surface.occupancy
-    grid = occupancy.grid
-    first, last = nearest_free_cells(occupancy, np.stack([start, goal])) + 1
-    rules = (STEPS, grid.step_costs, grid.periodic)
-    nothing = np.zeros((0, 2), dtype=np.int64), np.zeros(grid.shape[1] + 1, dtype=np.int64)
-    nowhere, free_way = np.zeros(3, dtype=np.int64), np.zeros(occupancy.padded.size)
-    left = search_classes(
-        occupancy.padded, last, nowhere, *rules, *nothing, free_way, 1, math.inf, 1
-    )[4][0]
-    cuts, starts = surface.crossings()
-    found, _, step_to, class_from, _, _, _ = search_classes(
-        occupancy.padded, first, last, *rules, cuts, starts, left, count, longest, _MOST_CLASSES
-    )
-    paths = []
-    for k in found:
-        cell, cells = last.copy(), [last]
-        while (step := step_to[k, np.ravel_multi_index(tuple(cell), occupancy.padded.shape)]) < 26:
-            k = class_from[k, np.ravel_multi_index(tuple(cell), occupancy.padded.shape)]
+class _ClassSearch:
+    """The search for the shortest path of each class between two points (3,) m."""
+
+    def __init__(self, surface: Surface, start: Array, goal: Array) -> None:
+        occupancy = surface.occupancy
+        self._grid, self._padded = occupancy.grid, occupancy.padded
+        self._ends = start, goal
+        self._first, self._last = nearest_free_cells(occupancy, np.stack([start, goal])) + 1
+        self._rules = STEPS, self._grid.step_costs, self._grid.periodic
+        self._cuts = surface.crossings()
+        # What is left to the goal from everywhere: a search from there to nowhere, without cuts.
+        columns = self._grid.shape[1]
+        no_cuts = np.zeros((0, 2), dtype=np.int64), np.zeros(columns + 1, dtype=np.int64)
+        nowhere, unknown = np.zeros(3, dtype=np.int64), np.zeros(self._padded.size)
+        *_, costs, _, _ = search_classes(
+            self._padded, self._last, nowhere, *self._rules, *no_cuts, unknown, 1, math.inf, 1
+        )
+        self._left = costs[0]
+
+    def shortest(self, count: int, longest: float) -> list[tuple[Array, Cells]]:
+        """The first few, each as start, centres of cells, goal, (N, 3) m, and as its cells."""
+        found, _, step_to, class_from, _, _, _ = search_classes(
+            self._padded,
+            self._first,
+            self._last,
+            *self._rules,
+            *self._cuts,
+            self._left,
+            count,
+            longest,
+            _MOST_CLASSES,
+        )
+        return [self._walked_back(int(k), step_to, class_from) for k in found]
+
+    def _walked_back(
+        self, k: int, step_to: NDArray[np.int8], class_from: NDArray[np.int16]
+    ) -> tuple[Array, Cells]:
+        cell, cells = self._last.copy(), [self._last]
+        at = np.ravel_multi_index(tuple(cell), self._padded.shape)
+        while (step := step_to[k, at]) < 26:
+            k = class_from[k, at]
             cell = cell - STEPS[step]
-            if grid.periodic:
-                cell[1] = 1 + (cell[1] - 1) % grid.shape[1]
+            if self._grid.periodic:
+                cell[1] = 1 + (cell[1] - 1) % self._grid.shape[1]
             cells.append(cell)
+            at = np.ravel_multi_index(tuple(cell), self._padded.shape)
         passed = np.array(cells[::-1]) - 1
-        points = np.concatenate([start[None], grid.centres(passed), goal[None]])
+        start, goal = self._ends
+        points = np.concatenate([start[None], self._grid.centres(passed), goal[None]])
         moved = np.linalg.norm(np.diff(points, axis=0), axis=1) > 0.0
-        paths.append((points[np.concatenate([[True], moved])], passed))
-    return paths
+        return points[np.concatenate([[True], moved])], passed
 
 
 def _pulled_in_class(surface: Surface, path: Array, word: Word) -> Array:
@@ -169,7 +190,7 @@ def _pulled_in_class(surface: Surface, path: Array, word: Word) -> Array:
         middle = len(points) // 2
         return np.concatenate([in_parts(points[: middle + 1])[:-1], in_parts(points[middle:])])
 
-    pulled: Array = pull_quickly(field, path, radius, in_view=posts)
+    pulled: Array = pull_quickly(field, path, radius)
     if surface.word(pulled) == word:
         return pulled
     pulled = in_parts(path)

@@ -38,7 +38,7 @@ class Candidate:
 
     Attributes:
         origin: where the line is left, m from its beginning.
-        path: from there to the goal, pulled tight, (N, 3) m.
+        path: from there to the goal, (N, 3) m: as the search found it, not pulled tight.
         line: the part of the arm's line that is kept, and the path, (M, 3) m.
     """
 
@@ -76,11 +76,11 @@ class Retraction:
 
     Attributes:
         origin: length of the line that it keeps, m.
-        chosen: the way from there.
+        chosen: the way from there, pulled tight.
         stopped_by: what stands between the chosen way and that from the next place farther out;
             None where the arm need not draw back.
-        candidates: all the ways that were looked at, from the base's on; the chosen one is the last
-            or, with something beyond it, the last but one.
+        candidates: all the ways that were looked at, from the base's on, not pulled; what was
+            chosen is the last or, with something beyond it, the last but one.
     """
 
     origin: float
@@ -130,7 +130,10 @@ def retraction_point(
         assert why is not None
         raise why
     chosen = found[-1] if met is None else found[-2]
-    return Retraction(chosen.origin, chosen, met, tuple(found))
+    pulled = pull_quickly(occupancy.field, chosen.path, occupancy.radius)
+    kept = chosen.line[: len(chosen.line) - len(chosen.path) + 1]
+    tight = Candidate(chosen.origin, pulled, np.concatenate([kept, pulled[1:]]))
+    return Retraction(chosen.origin, tight, met, tuple(found))
 
 
 def candidate_from(
@@ -144,8 +147,7 @@ def candidate_from(
     points, arcs = _checked(line, 2)
     kept = np.vstack([points[arcs < origin], _at(points, arcs, origin)])
     path = find_path(occupancy, kept[-1], goal).points
-    pulled = pull_quickly(occupancy.field, path, occupancy.radius)
-    return Candidate(origin, pulled, np.concatenate([kept, pulled[1:]]))
+    return Candidate(origin, path, np.concatenate([kept, path[1:]]))
 
 
 def neighbours(
