@@ -32,6 +32,8 @@ ROW_STEP = 0.07
 #: Between rows the arm moves straight in its joints: by so much its centre line may come nearer to
 #: an obstacle than the workspace's radius, m. What its bodies keep is said in the end.
 _CHORD = 0.01
+#: And the camera head, beside its own half diagonal, at least so far, m.
+_HEAD_MARGIN = 0.02
 #: Points on a link whose distances are looked at.
 _ON_LINK = 6
 #: Steps are halved so often where the arm would move too far at once.
@@ -69,6 +71,8 @@ class Leader:
 
     Attributes:
         shift: where the arm's frame {0} stands in frame_0, (3,) m.
+        reach, head_radius: of the camera head: how far it goes on beyond the tip, and how far its
+            middle must be from obstacles, m.
         swings: how far a hinge turned where the snake went from one rest to another, rad each.
     """
 
@@ -89,7 +93,8 @@ class Leader:
         self._home, self._along, self._base = home_of(arm, home_tip)
         self.shift = np.zeros(3)
         self._solver = FollowTheLeader(arm)
-        self._reach = make_mount(arm).reach
+        self.reach = make_mount(arm).reach
+        self.head_radius = 0.5 * math.hypot(*arm.bodies[-1].size[1:]) + _HEAD_MARGIN
         self._rows: list[tuple[Array, int, int]] = []
         self._snake: Snake | None = None
 
@@ -258,20 +263,20 @@ class Leader:
             raise StuckError(self._limit_words(j, float(joints[row, j])))
         poses = kinematics.frames(self.arm, joints)
         corners = poses[:, self.arm.first_actuated_joint :, :3, 3] + self.shift
-        # The camera head goes on where the last link points.
-        head = corners[:, -1] + self._reach * poses[:, -1, :3, 0]
+        # The camera head goes on where the last link points, and is thinner.
+        head = corners[:, -1] + self.reach * poses[:, -1, :3, 0]
         corners = np.concatenate([corners, head[:, None]], axis=1)
-        shares = (np.arange(_ON_LINK) / _ON_LINK)[:, None]
-        ways = np.diff(corners, axis=1)[:, :, None]
-        points = (corners[:, :-1, None] + shares * ways).reshape(-1, 3)
-        points = np.vstack([points, corners[:, -1]])
-        near = self.occupancy.field.nearest(points)
-        k = int(np.argmin(near.distances))
-        if near.distances[k] < self.occupancy.radius - _CHORD:
+        shares = (np.arange(1, _ON_LINK + 1) / _ON_LINK)[:, None]
+        points = corners[:, :-1, None] + shares * np.diff(corners, axis=1)[:, :, None]
+        near = self.occupancy.field.nearest(points.reshape(-1, 3))
+        needed = np.full(points.shape[:3], self.occupancy.radius - _CHORD)
+        needed[:, -1] = self.head_radius
+        k = int(np.argmin(near.distances - needed.ravel()))
+        if near.distances[k] < needed.ravel()[k]:
             raise StuckError(
                 f"its centre line would be {near.distances[k]:.3f} m from "
                 f"{self.occupancy.field.label(int(near.indices[k]))}; must be "
-                f"{self.occupancy.radius - _CHORD:.3f} m or more"
+                f"{needed.ravel()[k]:.3f} m or more"
             )
         return joints
 

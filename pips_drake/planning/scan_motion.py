@@ -49,6 +49,8 @@ Array = NDArray[np.float64]
 _SHORTEST_TIME = 1e-3
 #: Clearances are looked for up to here, m.
 CLEARANCE_WITHIN = 0.3
+#: The least that the pattern keeps from obstacles beside the workspace's radius, m.
+LEAST_ROOM = 0.02
 #: Stages in which the camera's pictures count.
 _FILMED = (SCAN, DETOUR, LEAP)
 
@@ -157,7 +159,6 @@ def plan_scan(
     if pattern.target is not None and pattern.kind != "points":
         check_standoff(pattern.target, occupancy.field, pattern.standoff, occupancy.radius)
     home = home_tip if home_tip is not None else kinematics.spine_points(arm, arm.joint_home)[0, -1]
-    route = route_around(pattern, occupancy, base=home)
     lag = settings.lag
     if lag is None:
         lag = camera_lag(arm, camera, pattern.standoff)
@@ -169,6 +170,10 @@ def plan_scan(
         lag=lag,
         leap=settings.leap,
     )
+    # What of the camera head goes on beyond the snake's end wants room ahead.
+    ahead = leader.reach + leader.head_radius - occupancy.radius - lag
+    room = max(LEAST_ROOM, ahead)
+    route = route_around(pattern, occupancy, base=home, room=room)
     try:
         approach = leader.begin(route.points[0])
     except StuckError as reason:

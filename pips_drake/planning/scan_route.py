@@ -55,21 +55,27 @@ class Route:
 
 
 def route_around(
-    pattern: ScanPattern, occupancy: Occupancy, *, base: ArrayLike, step: float = 0.1
+    pattern: ScanPattern,
+    occupancy: Occupancy,
+    *,
+    base: ArrayLike,
+    room: float = 0.0,
+    step: float = 0.1,
 ) -> Route:
     """The pattern's points that have room, with detours in between.
 
     Args:
         base: where the arm comes from, (3,) m in the world.
+        room: that is wanted beside the workspace's radius, m: for what goes on ahead of the tip.
         step: of a detour's points, m.
 
     Raises:
         InputError: none of the pattern's points has room.
     """
     near = occupancy.field.nearest(pattern.points)
-    cells = occupancy.grid.cells(pattern.points)
-    outside = ((cells < 0) | (cells >= occupancy.grid.shape)).any(axis=1)
-    refused = outside | (near.distances < occupancy.radius)
+    places = occupancy.grid.cells(pattern.points)
+    outside = ((places < 0) | (places >= occupancy.grid.shape)).any(axis=1)
+    refused = outside | (near.distances < occupancy.radius + room)
     names = [
         OUTSIDE if out else occupancy.field.label(int(k))
         for out, k in zip(outside[refused], near.indices[refused], strict=True)
@@ -77,17 +83,21 @@ def route_around(
     blockers = {name: names.count(name) / len(refused) for name in dict.fromkeys(names)}
     if refused.all():
         raise InputError(
-            f"the pattern has no place for an arm of radius {occupancy.radius:g} m: all of it is "
-            f"too near to {', '.join(blockers)}; must have a standoff that fits the gap"
+            f"the pattern has no place for an arm of radius {occupancy.radius:g} m and its camera: "
+            f"all of it is too near to {', '.join(blockers)}; must have one that fits the gap"
         )
     free = np.flatnonzero(~refused)
     parts = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
     points, rows = [pattern.points[parts[0]]], [parts[0]]
     cut = np.zeros(len(refused), dtype=bool)
+    among = [occupancy]
+    if len(parts) > 1:
+        wide = Occupancy.of(occupancy.field, occupancy.grid, occupancy.radius + room)
+        among.insert(0, wide)
     for part in parts[1:]:
-        detour = _detour(
-            pattern, occupancy, points[-1][-1], pattern.points[part[0]], np.asarray(base), step
-        )
+        ends = points[-1][-1], pattern.points[part[0]]
+        found = (_detour(pattern, cells, *ends, np.asarray(base), step) for cells in among)
+        detour = next((way for way in found if way is not None), None)
         if detour is None:
             cut[part] = True
             continue
