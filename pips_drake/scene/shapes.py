@@ -258,6 +258,11 @@ def hull_of(shape: Shape, body: str) -> TriangleMesh:
     return hull
 
 
+def outline_points(shape: Shape) -> Array:
+    """Points whose convex hull is about the shape and inside it, (N, 3) m; none of a half space."""
+    return _points(shape, outer=False)
+
+
 def _file(shape: Shape) -> Path | None:
     return Path(shape.source().path()) if shape.source().is_path() else None
 
