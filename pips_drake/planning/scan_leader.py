@@ -40,8 +40,10 @@ _ON_LINK = 6
 _MOST_HALVINGS = 3
 #: No hinge turns more than this from one row to the next of a leap that is taken slowly, rad.
 _SLOW = math.radians(2.0)
-#: Steps by which an arm that changes over draws back farther, m.
-_DRAW_BACK = 0.25
+#: Rows by which an arm that changes over draws back farther before it tries to go over.
+_DRAW_BACK = 3
+#: To which of its earlier snakes it goes back if it cannot draw back along the last one.
+_BACK = (1, 2, 4, 8, 16, 32, 64)
 #: A snake has so many steps to follow its end, which moves on before it rests in every digit: ten
 #: are typical, and one that creeps along an obstacle takes thousands.
 _SETTLING = 60
@@ -97,6 +99,8 @@ class Leader:
         self.head_radius = 0.5 * math.hypot(*arm.bodies[-1].size[1:]) + _HEAD_MARGIN
         self._rows: list[tuple[Array, int, int]] = []
         self._snake: Snake | None = None
+        # Snakes that the arm lay on, and how many rows there were then.
+        self._history: list[tuple[int, Snake]] = []
 
     @property
     def snake_points(self) -> Array:
@@ -137,6 +141,7 @@ class Leader:
             self._record(joints, APPROACH)
             self._rows[-1] = (self.joints, SCAN, 0)
             self._snake = snake
+            self._history.append((len(self._rows), snake))
             return plan
         raise StuckError(reasons[0])
 
@@ -166,6 +171,7 @@ class Leader:
             self._checked(np.stack([0.5 * (self.joints + joints), joints]))
             self._record(joints[None], stage, row)
         self._snake = snake
+        self._history.append((len(self._rows), snake))
 
     def change_over(self, place: Array, row: int) -> None:
         """Draws back as far as need be, and goes to a place along the shortest way from home.
@@ -186,22 +192,50 @@ class Leader:
         raise StuckError(f"along the shortest way from home: {reasons[0]}")
 
     def _change_to(self, snake: Snake) -> None:
-        old, new = self._path(self.snake_points), self._path(snake.points[1:])
-        home, tip, goal = old.home_arc_length, self._tip(old), self._tip(new)
+        """Draws back along the snake, or goes back to an earlier one that lets it, and over."""
+        new = self._path(snake.points[1:])
+        home, goal = new.home_arc_length, self._tip(new)
         # The way there first: if the arm cannot lie on it, nothing else matters.
         self._checked(self._solved(new, self._marks(home, goal)))
-        for s in [*np.arange(min(tip, goal), home, -_DRAW_BACK).tolist(), home]:
-            ends = np.stack([self._solved(old, [s])[0], self._solved(new, [s])[0]])
-            try:
-                across = self._checked(_straight(*ends))
-                back = self._checked(self._solved(old, self._marks(tip, s)))
-            except StuckError:
-                continue
-            for part in (back, across, self._checked(self._solved(new, self._marks(s, goal)))):
-                self._record(part, CHANGE)
-            self._snake = snake
-            return
+        for back in _BACK:
+            if back > len(self._history):
+                break
+            count, earlier = self._history[-back]
+            old = self._path(earlier.points[1:])
+            tips = self._marks(self._tip(old), home)
+            drawn = self._as_far_as_it_can(old, tips)
+            for k in range(0, len(drawn), _DRAW_BACK):
+                if tips[k] > goal:
+                    continue
+                try:
+                    across = self._checked(
+                        _straight(drawn[k], self._solved(new, tips[k : k + 1])[0])
+                    )
+                except StuckError:
+                    continue
+                again = np.array([q for q, _, _ in self._rows[count - 1 :]])[::-1]
+                forth = self._solved(new, self._marks(float(tips[k]), goal))
+                for part in (again, drawn[: k + 1], across, forth):
+                    self._record(part, CHANGE)
+                self._snake = snake
+                self._history.append((len(self._rows), snake))
+                return
         raise StuckError("the arm cannot draw back along its own way")
+
+    def _as_far_as_it_can(self, path: TipPath, tips: Array) -> Array:
+        """Joints (K, J) with the tip at the first K places (m) of a path that the arm can be at."""
+        solution = self._solver.solve(path, tips)
+        for k, joints in enumerate(solution.joints):
+            try:
+                if not solution.solved[k]:
+                    break
+                self._checked(joints[None])
+            except StuckError:
+                break
+        else:
+            k = len(tips)
+        found: Array = solution.joints[:k]
+        return found
 
     def _plan(self, place: Array, stiffness: float) -> GoalPlan:
         """From home, with a snake so many times as stiff as the settings have it."""

@@ -180,22 +180,27 @@ def plan_scan(
         raise NotFollowableError(f"the arm cannot get to the scan's beginning: {reason}") from None
     failures, notes, changes = [], list(route.sentences()), 0
     snakes = [leader.snake_points]
-    for place, row in zip(route.points[1:], route.rows[1:].tolist(), strict=True):
-        stage = SCAN if row >= 0 else DETOUR
+    k = 1
+    while k < len(route.points):
+        place, row = route.points[k], int(route.rows[k])
         try:
-            leader.advance(place, stage, row)
+            leader.advance(place, SCAN if row >= 0 else DETOUR, row)
         except StuckError as reason:
+            # Along another way there is no need of the rest of a detour.
+            k += int(np.argmax(route.rows[k:] >= 0))
+            place, row = route.points[k], int(route.rows[k])
             try:
                 if changes >= settings.changes:
-                    raise StuckError(f"it has changed over {changes} times")
+                    raise StuckError(f"it has changed over {changes} times") from None
                 leader.change_over(place, row)
-                changes += 1
-                notes.append(f"changed over at {_words(place)}: {reason}")
             except StuckError as other:
                 failures.append(f"the scan ends at {_words(place)}: {reason}; {other}")
                 break
+            changes += 1
+            notes.append(f"changed over at {_words(place)}: {reason}")
         if row >= 0:
             snakes.append(leader.snake_points)
+        k += 1
     if leader.swings:
         largest = math.degrees(max(leader.swings))
         notes.append(
