@@ -16,7 +16,7 @@ from pips_drake.serpentine.motion_profile import MotionProfile
 from pips_drake.serpentine.runs.placed_arm import PlacedArm
 from pips_drake.serpentine.scenario import CheckConfig, SerpentineScenario
 from pips_drake.serpentine.station import SerpentineSetup, built_arm
-from pips_drake.twin.certificate.certify import ClearanceCertificate, certify_clearance
+from pips_drake.twin.certificate.certify import Certifier, ClearanceCertificate
 from pips_drake.twin.certificate.proof import save_proof
 from pips_drake.twin.certificate.search import Certificate
 from pips_drake.twin.motion_record import RecordedMotion, thin_out
@@ -25,7 +25,7 @@ from pips_drake.units import DEGREE
 Array = NDArray[np.float64]
 
 #: A commanded motion of more knots than this is thinned out, and the deviation accounted for.
-MOST_KNOTS = 6000
+MOST_KNOTS = 20_000
 #: By how much a sampled clearance may be below the certified one, m: both have roundings.
 _ROUNDING = 1e-6
 
@@ -82,11 +82,10 @@ def certify_motion(
     """
     arm, config = setup.arm, scenario.certificate
 
+    certifier = Certifier(placed.plant, placed.scene_graph.model_inspector(), [placed.model])
+
     def certify(deviation: Array) -> ClearanceCertificate:
-        return certify_clearance(
-            placed.plant,
-            placed.scene_graph.model_inspector(),
-            [placed.model],
+        return certifier.certify(
             motion.positions,
             motion.times,
             tolerance=config.tolerance_mm * 1e-3,

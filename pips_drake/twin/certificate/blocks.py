@@ -16,9 +16,6 @@ Indices = NDArray[np.int64]
 
 #: Knots at which a first witness is looked for.
 _FIRST_LOOKS = 17
-#: Blocks of 2^this segments are the least where joints have errors: their balls are coarse, and
-#: smaller blocks have the same ones.
-_LEAST_WITH_ERRORS = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,8 +70,7 @@ def cover_blocks(
         planes that reach the floor, and where there are none: pairs, first and last knots.
     """
     outline = make_outline(problem.tree, problem.shapes, problem.knots, problem.deviation)
-    segments, top = len(problem.knots) - 1, len(sweep.starts) - 1
-    least_level = min(_LEAST_WITH_ERRORS, top) if problem.deviation.any() else 0
+    segments = len(problem.knots) - 1
     count = len(problem.a)
     looks = np.unique(np.linspace(0, segments, min(_FIRST_LOOKS, segments + 1)).astype(np.int64))
     pair, knot = nearest_at(problem.shapes, outline, sweep.poses, problem.a, problem.b, looks)
@@ -82,8 +78,9 @@ def cover_blocks(
     rows, blocks = np.arange(count), np.zeros(count, dtype=np.int64)
     normals = np.full((count, 2, 3), np.nan)
     found: list[tuple[Array, ...]] = []
-    for level in range(top, least_level - 1, -1):
-        low, pair, knot, near = block_bounds(
+    left: list[tuple[Indices, ...]] = []
+    for level in range(len(sweep.starts) - 1, -1, -1):
+        low, divides, pair, knot, near = block_bounds(
             problem.shapes, outline, sweep, problem.a, problem.b, level, rows, blocks, normals,
             aim.floor(distances.least),
         )  # fmt: skip
@@ -93,14 +90,14 @@ def cover_blocks(
         first = blocks << level
         last = np.minimum(first + (1 << level), segments)
         found.append((rows[done], first[done], last[done], normals[done], low[done]))
-        rows, blocks, normals = rows[~done], blocks[~done], normals[~done]
-        first, last = first[~done], last[~done]
-        if level == least_level or not len(rows):
-            break
+        cut = ~done & divides if level > 0 else np.zeros_like(done)
+        rest = ~done & ~cut
+        left.append((rows[rest], first[rest], last[rest]))
+        rows, blocks, normals, first = rows[cut], blocks[cut], normals[cut], first[cut]
         # Both halves; the last block of a level may have one only.
         halves = np.full((2, *normals.shape), np.nan)
         halves[0, :, 0], halves[1, :, 1] = normals[:, 0], normals[:, 1]
-        second = first + (1 << (level - 1)) < segments
+        second = first + ((1 << level) >> 1) < segments
         halves[0, ~second, 1] = normals[~second, 1]
         rows = np.concatenate([rows, rows[second]])
         blocks = np.concatenate([2 * blocks, 2 * blocks[second] + 1])
@@ -118,4 +115,5 @@ def cover_blocks(
         swept=np.ones(len(pairs), dtype=np.bool_),
         bounds=lows,
     )
+    rows, first, last = (np.concatenate(column) for column in zip(*left, strict=True))
     return planes, (rows, first, last)

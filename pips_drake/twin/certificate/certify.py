@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.config import require
 from pips_drake.errors import InputError
-from pips_drake.twin.certificate.bodies import ConvexBody, read_shape, stack_shapes
-from pips_drake.twin.certificate.problem import Problem
+from pips_drake.twin.certificate.bodies import ConvexBody, Shapes, read_shape, stack_shapes
+from pips_drake.twin.certificate.problem import Problem, check_free_turns
 from pips_drake.twin.certificate.search import Certificate, certify
-from pips_drake.twin.certificate.tree import FREE, ReadTree, read_tree
+from pips_drake.twin.certificate.sweep import make_sweep
+from pips_drake.twin.certificate.tree import FREE, ReadTree, Tree, read_tree
 
 if TYPE_CHECKING:
     from pydrake.geometry import GeometryId, SceneGraphInspector
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from pydrake.multibody.tree import ModelInstanceIndex
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +49,7 @@ def certify_clearance(
     *,
     tolerance: float = 1e-4,
     deviation: ArrayLike | float = 0.0,
+    enough: float = math.inf,
     pairs: Sequence[tuple[GeometryId, GeometryId]] | None = None,
 ) -> ClearanceCertificate:
     """Bounds a robot's clearance over every instant of a motion, from below and above.
@@ -62,17 +66,15 @@ def certify_clearance(
         tolerance: how near the bounds must come to each other, m.
         deviation: how far each position may be off at any instant, independently of the others,
             (plant.num_positions(),) or one number for all, m and rad.
+        enough: a lower bound of this will do, m, however far the distance is above it.
         pairs: geometries to look at; all that can collide by default.
 
     Raises:
         InputError: shapes do not fit, a shape or a joint is of a kind that cannot be certified.
     """
-    scene, own = read_problems(
-        plant, inspector, robot, positions, times, deviation=deviation, pairs=pairs
-    )
-    return ClearanceCertificate(
-        scene=certify(scene, tolerance=tolerance) if scene else None,
-        own=certify(own, tolerance=tolerance) if own else None,
+    certifier = Certifier(plant, inspector, robot, pairs=pairs)
+    return certifier.certify(
+        positions, times, tolerance=tolerance, deviation=deviation, enough=enough
     )
 
 
@@ -87,50 +89,178 @@ def read_problems(
     pairs: Sequence[tuple[GeometryId, GeometryId]] | None = None,
 ) -> tuple[Problem | None, Problem | None]:
     """The problems of `certify_clearance`: robot to scene, and robot to robot."""
-    knots, times_ = _check_motion(plant, positions, times)
-    read = read_tree(plant, knots)
-    off = np.broadcast_to(np.asarray(deviation, dtype=np.float64), knots.shape[1:]).copy()
-    _check_deviation(read, off)
-    # Which body a geometry belongs to, and whether that is the robot's.
-    owner: dict[GeometryId, tuple[int, bool]] = {}
-    names: dict[GeometryId, str] = {}
-    for i in range(plant.num_bodies()):
-        body = plant.get_body(_body_index(i))
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            owner[geometry] = (i, body.model_instance() in robot)
-            names[geometry] = str(body.scoped_name())
-    scene: list[tuple[GeometryId, GeometryId]] = []
-    own: list[tuple[GeometryId, GeometryId]] = []
-    candidates = inspector.GetCollisionCandidates() if pairs is None else pairs
-    for first, second in sorted(candidates, key=lambda pair: tuple(g.get_value() for g in pair)):
-        count = sum(geometry in owner and owner[geometry][1] for geometry in (first, second))
-        for geometry in (first, second):
-            if count and geometry not in owner:
-                raise InputError(
-                    f"{inspector.GetName(geometry)} may collide with the robot and is not the "
-                    "plant's; where it is over time is not known"
-                )
-        if count == 1:
-            scene.append((first, second) if owner[first][1] else (second, first))
-        elif count == 2:
-            # The one nearer to the base is the one that the other is seen from.
-            inner = read.number[owner[first][0]] <= read.number[owner[second][0]]
-            own.append((second, first) if inner else (first, second))
-    placed = (inspector, owner, names, read)
-    motion = (times_, knots, off)
-    return _problem(scene, *placed, *motion), _problem(own, *placed, *motion)
+    return Certifier(plant, inspector, robot, pairs=pairs).problems(
+        positions, times, deviation=deviation
+    )
 
 
-def _problem(
+class Certifier:
+    """Certifies one motion of a plant after another; what they have in common is read once.
+
+    A planner that asks again and again builds one. It holds for the plant as it is: collision
+    filters, shapes and bodies must not change afterwards.
+
+    Args:
+        plant, inspector, robot, pairs: as of `certify_clearance`.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        inspector: SceneGraphInspector,
+        robot: Sequence[ModelInstanceIndex],
+        *,
+        pairs: Sequence[tuple[GeometryId, GeometryId]] | None = None,
+    ) -> None:
+        self._plant, self._inspector, self._robot = plant, inspector, robot
+        self._pairs = inspector.GetCollisionCandidates() if pairs is None else pairs
+        self._last: _ReadPlant | None = None
+
+    def certify(
+        self,
+        positions: ArrayLike,
+        times: ArrayLike | None = None,
+        *,
+        tolerance: float = 1e-4,
+        deviation: ArrayLike | float = 0.0,
+        enough: float = math.inf,
+        own: bool = True,
+    ) -> ClearanceCertificate:
+        """Bounds the clearance over a motion: `certify_clearance`.
+
+        Args:
+            own: also of the robot to itself.
+
+        Raises:
+            InputError: as `certify_clearance`.
+        """
+        scene, own_ = self.problems(positions, times, deviation=deviation)
+        problems = {"scene": scene, "own": own_ if own else None}
+        for problem in problems.values():
+            if problem is not None:
+                check_free_turns(problem.tree, problem.knots)
+        known = next((problem for problem in problems.values() if problem is not None), None)
+        sweep = make_sweep(known.tree, known.knots) if known is not None else None
+        found = {
+            name: None
+            if problem is None
+            else certify(problem, tolerance=tolerance, enough=enough, sweep=sweep)
+            for name, problem in problems.items()
+        }
+        return ClearanceCertificate(**found)
+
+    def problems(
+        self,
+        positions: ArrayLike,
+        times: ArrayLike | None = None,
+        *,
+        deviation: ArrayLike | float = 0.0,
+    ) -> tuple[Problem | None, Problem | None]:
+        """The problems of a motion: robot to scene, and robot to robot."""
+        knots, times_ = _check_motion(self._plant, positions, times)
+        if self._last is None or not self._last.fits(knots):
+            self._last = self._read(knots)
+        off = np.broadcast_to(np.asarray(deviation, dtype=np.float64), knots.shape[1:]).copy()
+        _check_deviation(self._last.read, off)
+        scene, own = (
+            None if pairs is None else pairs.problem(self._last.read.tree, times_, knots, off)
+            for pairs in (self._last.scene, self._last.own)
+        )
+        return scene, own
+
+    def _read(self, knots: Array) -> _ReadPlant:
+        plant, inspector = self._plant, self._inspector
+        read = read_tree(plant, knots)
+        # Which body a geometry belongs to, and whether that is the robot's.
+        owner: dict[GeometryId, tuple[int, bool]] = {}
+        names: dict[GeometryId, str] = {}
+        for i in range(plant.num_bodies()):
+            body = plant.get_body(_body_index(i))
+            for geometry in plant.GetCollisionGeometriesForBody(body):
+                owner[geometry] = (i, body.model_instance() in self._robot)
+                names[geometry] = str(body.scoped_name())
+        scene: list[tuple[GeometryId, GeometryId]] = []
+        own: list[tuple[GeometryId, GeometryId]] = []
+        for first, second in sorted(
+            self._pairs, key=lambda pair: tuple(g.get_value() for g in pair)
+        ):
+            count = sum(geometry in owner and owner[geometry][1] for geometry in (first, second))
+            for geometry in (first, second):
+                if count and geometry not in owner:
+                    raise InputError(
+                        f"{inspector.GetName(geometry)} may collide with the robot and is not the "
+                        "plant's; where it is over time is not known"
+                    )
+            if count == 1:
+                scene.append((first, second) if owner[first][1] else (second, first))
+            elif count == 2:
+                # The one nearer to the base is the one that the other is seen from.
+                inner = read.number[owner[first][0]] <= read.number[owner[second][0]]
+                own.append((second, first) if inner else (first, second))
+        placed = (inspector, owner, names, read)
+        still = np.ones(knots.shape[1], dtype=np.bool_)
+        for start, kind in zip(read.tree.start[1:], read.tree.kind[1:], strict=True):
+            still[start : start + (7 if kind == FREE else 1)] = False
+        return _ReadPlant(
+            read=read,
+            scene=_read_pairs(scene, *placed),
+            own=_read_pairs(own, *placed),
+            still=still,
+            stand=knots[0, still],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pairs:
+    """Pairs of shapes, whatever the motion; attributes as of `Problem`."""
+
+    shapes: Shapes
+    names: tuple[str, ...]
+    bodies: tuple[str, ...]
+    a: Indices
+    b: Indices
+
+    def problem(self, tree: Tree, times: Array, knots: Array, deviation: Array) -> Problem:
+        return Problem(
+            tree=tree,
+            shapes=self.shapes,
+            names=self.names,
+            bodies=self.bodies,
+            a=self.a,
+            b=self.b,
+            times=times,
+            knots=knots,
+            deviation=deviation,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _ReadPlant:
+    """What is read of a plant.
+
+    Attributes:
+        still: positions that no joint of the tree takes, (nq,) bool.
+        stand: where they are; another motion may have them elsewhere.
+    """
+
+    read: ReadTree
+    scene: _Pairs | None
+    own: _Pairs | None
+    still: NDArray[np.bool_]
+    stand: Array
+
+    def fits(self, knots: Array) -> bool:
+        """Whether a motion moves only what the tree moves."""
+        return bool((knots[:, self.still] == self.stand).all())
+
+
+def _read_pairs(
     pairs: list[tuple[GeometryId, GeometryId]],
     inspector: SceneGraphInspector,
     owner: dict[GeometryId, tuple[int, bool]],
     names: dict[GeometryId, str],
     read: ReadTree,
-    times: Array,
-    knots: Array,
-    deviation: Array,
-) -> Problem | None:
+) -> _Pairs | None:
     if not pairs:
         return None
     rows: dict[GeometryId, int] = {}
@@ -154,16 +284,12 @@ def _problem(
             )
         a.append(i)
         b.append(j)
-    return Problem(
-        tree=read.tree,
+    return _Pairs(
         shapes=stack_shapes(shapes),
         names=tuple(inspector.GetName(geometry) for geometry in rows),
         bodies=tuple(names[geometry] for geometry in rows),
         a=np.array(a, dtype=np.int64),
         b=np.array(b, dtype=np.int64),
-        times=times,
-        knots=knots,
-        deviation=deviation,
     )
 
 

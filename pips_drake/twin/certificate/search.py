@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pips_drake.config import require
 from pips_drake.twin.certificate.blocks import Aim, Planes, cover_blocks
 from pips_drake.twin.certificate.bound import turning_bound
-from pips_drake.twin.certificate.planes import segment_bounds, span_bounds
+from pips_drake.twin.certificate.planes import polish, segment_bounds, span_bounds
 from pips_drake.twin.certificate.problem import Prepared, Problem, check_free_turns
 from pips_drake.twin.certificate.sweep import Sweep, make_sweep
 from pips_drake.twin.certificate.tree import Poses, calc_poses, interpolate
@@ -159,6 +159,7 @@ class _Search:
     def _refine(self, w: int) -> None:
         """Exact planes at a part's ends; if it has them, two halves."""
         if self.stage[w] == 2 and self.prepared.motion.deviates and self._is_settled(w):
+            self._polish(w)
             self.stage[w] = _CLOSED
             return
         if self.stage[w] == 2:
@@ -185,6 +186,24 @@ class _Search:
             at_ends.append(self._turning_bound(w, poses, (k, k), (n, n), 0.0))
         return bool(self.low[w] >= min(at_ends) - 0.25 * self.aim.tolerance)
 
+    def _polish(self, w: int) -> None:
+        """The best plane with errors, where the best one without them is known."""
+        prepared, segment = self.prepared, int(self.first[w])
+        poses, ends = self._ends(w)
+        normals = self.normals[w].copy()
+        self.low[w] = polish(
+            prepared.problem.shapes, prepared.pairs, poses, prepared.motion, int(self.pair[w]),
+            *ends, normals, segment, float(self.end[w] - self.start[w]), float(self.low[w]),
+        )  # fmt: skip
+        self.normals[w] = normals
+
+    def _ends(self, w: int) -> tuple[Poses, tuple[int, int]]:
+        """Poses at both ends of a part of a segment, and which of them those are."""
+        segment, start, end = int(self.first[w]), float(self.start[w]), float(self.end[w])
+        if start == 0.0 and end == 1.0:
+            return self.prepared.poses, (segment, segment + 1)
+        return self._poses(segment, (start, end)), (0, 1)
+
     def _bound_exactly(self, w: int) -> None:
         p, segment = int(self.pair[w]), int(self.first[w])
         start, end = float(self.start[w]), float(self.end[w])
@@ -194,10 +213,7 @@ class _Search:
                 self.distances.query(p, segment, end).normal,
             ]
         )
-        if start == 0.0 and end == 1.0:
-            poses, ends = self.prepared.poses, (segment, segment + 1)
-        else:
-            poses, ends = self._poses(segment, (start, end)), (0, 1)
+        poses, ends = self._ends(w)
         # Where the best plane jumps from one pair of features to another, a still one is better.
         still = [np.stack([normal, normal]) for normal in normals]
         for tried in (normals, *still, self.normals[w].copy()):

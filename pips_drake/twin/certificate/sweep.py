@@ -325,12 +325,13 @@ def block_bounds(shapes, outline, sweep, pair_a, pair_b, level, rows, blocks, no
         normals: in the world at both ends, (W, 2, 3), from earlier tries; NaN for none. Replaced.
 
     Returns:
-        bounds (W,) m, and which of those that are below `floor` comes nearest to contact: the pair,
-        the knot and the gap there (infinite if there is none).
+        bounds (W,) m; whether halves may do better, (W,) bool: what joints' errors move is the same
+        in them; and which of those that are below `floor` comes nearest to contact: the pair, the
+        knot and the gap there (infinite if there is none).
     """
     poses = sweep.poses
     segments = poses.position.shape[0] - 1
-    low = np.full(rows.shape[0], -np.inf)
+    low, divides = np.full(rows.shape[0], -np.inf), np.ones(rows.shape[0], dtype=np.bool_)
     c0, c1, n = np.empty(3), np.empty(3), np.empty(3)
     work = np.empty((3, 4, 3))
     near_pair, near_knot, near = -1, -1, np.inf
@@ -340,9 +341,11 @@ def block_bounds(shapes, outline, sweep, pair_a, pair_b, level, rows, blocks, no
         k0 = blocks[w] << level
         k1 = min(k0 + (1 << level), segments)
         row = sweep.starts[level] + blocks[w]
-        departure = outline.error[a] + outline.error[b]
-        departure += sweep.at_origin[row, i] + sweep.by_reach[row, i] * outline.reach[a]
+        departure = sweep.at_origin[row, i] + sweep.by_reach[row, i] * outline.reach[a]
         departure += sweep.at_origin[row, j] + sweep.by_reach[row, j] * outline.reach[b]
+        errors = outline.error[a] + outline.error[b]
+        divides[w] = departure >= errors
+        departure += errors
         if outline.ball[b] < np.inf:
             # Balls about both: the point of their centres' way that is nearest to 0.
             _centre(shapes, outline, poses, a, k0, c0)
@@ -393,7 +396,7 @@ def block_bounds(shapes, outline, sweep, pair_a, pair_b, level, rows, blocks, no
                     low[w] = found
                     copy(n, normals[w, 1 - end])
                     break
-    return low, near_pair, near_knot, near
+    return low, divides, near_pair, near_knot, near
 
 
 @numba.njit(cache=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pips_drake.scenarios import load_scenario
+from pips_drake.serpentine.runs import certified as runs_certified
 from pips_drake.serpentine.runs.certified import (
     CertifiedMotion,
     certified_failures,
@@ -26,7 +27,7 @@ from pips_drake.twin.certificate.verify import verify_proof
 from pips_drake.twin.motion_record import RecordedMotion
 
 # The first certificate of a machine compiles its code.
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timeout(300), pytest.mark.usefixtures("blank_figures")]
 
 DEGREE = np.pi / 180.0
 
@@ -58,7 +59,10 @@ def test_the_commanded_motion_is_what_the_drives_are_told_and_when(trajectory_4,
     np.testing.assert_array_equal(motion.deviation, 0.0)
 
 
-def test_a_slow_motion_has_no_more_knots_and_says_how_far_it_is_from_them(trajectory_4, setup):
+def test_a_slow_motion_has_no_more_knots_and_says_how_far_it_is_from_them(
+    trajectory_4, setup, monkeypatch
+):
+    monkeypatch.setattr(runs_certified, "MOST_KNOTS", 6000)
     slow = dataclasses.replace(
         trajectory_4,
         motion=dataclasses.replace(trajectory_4.motion, tip_speed_mm_per_s=5.0),
@@ -134,6 +138,7 @@ def test_without_a_certificate_nothing_is_proved(tmp_path):
 
 def test_a_simulated_motion_is_proved_and_its_proof_written(tmp_path):
     scenario = SerpentineScenario(path="trajectory_4", scene="trajectory_4", duration_s=0.5)
+    scenario.actuation.show_uncompensated = False
     summary = simulate(scenario, name="short", out=tmp_path / "out").summary
     for what in ("commanded", "simulated"):
         assert verify_proof(tmp_path / "out" / f"proof_{what}.npz").proved
