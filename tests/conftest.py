@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import IO
 
 # Before anything imports numpy or matplotlib, and inherited by workers and subprocesses. With one
 # thread a BLAS adds in one order only; the two workers keep two cores busy anyway.
@@ -17,6 +18,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import hypothesis  # noqa: E402
+import matplotlib.figure  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
@@ -55,6 +57,28 @@ def remove_stale_numba_caches(package: Path) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     if item.get_closest_marker("render") and not can_render():
         pytest.skip("no EGL to render with; see tools/system_libraries.sh")
+
+
+#: A picture of one black pixel.
+BLANK = bytes.fromhex(
+    "89504e470d0a1a0a0000000d49484452000000010000000108000000003a7e9b55"
+    "0000000a49444154789c636000000002000148afa4710000000049454e44ae426082"
+)
+
+
+@pytest.fixture
+def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made, and written as one pixel; of a run nothing is rendered.
+
+    Drawing and rendering is most of a short run's time.
+    """
+
+    def savefig(_figure: object, file: IO[bytes], **_options: object) -> None:
+        file.write(BLANK)
+
+    monkeypatch.setattr(matplotlib.figure.Figure, "savefig", savefig)
+    pictures = "pips_drake.serpentine.runs.pictures"
+    monkeypatch.setattr(f"{pictures}.render_available", lambda: "not wanted in this test")
 
 
 class Bracket:

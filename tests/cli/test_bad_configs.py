@@ -38,7 +38,10 @@ SCENARIOS: dict[str, tuple[dict[str, Any], str]] = {
     "unknown arm": (dict(arm="nobody"), "unknown arm 'nobody'"),
     "unknown scene": (dict(scene="nowhere"), "unknown scene 'nowhere'"),
     "unknown mounting": (dict(mounting="ceiling"), "unknown mounting 'ceiling'"),
-    "unknown machine": (dict(machine="crane"), "unknown machine 'crane'; known: planner, serpentine"),
+    "unknown machine": (
+        dict(machine="crane"),
+        "unknown machine 'crane'; known: planner, serpentine",
+    ),
     "no machine": (dict(machine=None), "no key 'machine'; must be one of planner, serpentine"),
     "a list for a machine": (dict(machine=["serpentine"]), "unknown machine"),
     "a path outside": (dict(path="../../secret.csv"), "'../../secret.csv'"),

@@ -15,7 +15,7 @@ from pips_drake.scene.rendering import can_render
 from pips_drake.units import INCH
 
 # In a fresh checkout the first command of each kind waits for numba's compilation.
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timeout(300), pytest.mark.usefixtures("blank_figures")]
 
 # Not imported: CoACD's library and Drake's do not go well together in one process.
 needs_coacd = pytest.mark.skipif(
@@ -24,6 +24,7 @@ needs_coacd = pytest.mark.skipif(
 #: Beside the arm: its hollow, towards +x and +y, faces away from it.
 POSE = "0.5 -0.5 3.5 0 0 0"
 SHORT = ("--set", "duration_s=0.5", "actuation.show_uncompensated=false")
+BRIEF = "duration_s: 0.25\nactuation: {show_uncompensated: false}\ncertificate: {enabled: false}\n"
 
 
 def test_check_says_where_it_stands_and_that_its_hull_is_larger(pips_here, bracket, tmp_path):
@@ -68,9 +69,9 @@ def test_the_command_line_is_relative_to_here_and_a_scenario_to_its_folder(
     (tmp_path / "mine").mkdir()
     bracket.write(tmp_path / "mine", pose=POSE)
     (tmp_path / "mine/run.yaml").write_text(
-        "machine: serpentine\npath: trajectory_4\nscene: bracket.sdf\nduration_s: 0.5\n"
+        f"machine: serpentine\npath: trajectory_4\nscene: bracket.sdf\n{BRIEF}"
     )
-    (tmp_path / "run.yaml").write_text("machine: serpentine\npath: trajectory_4\nduration_s: 0.5\n")
+    (tmp_path / "run.yaml").write_text(f"machine: serpentine\npath: trajectory_4\n{BRIEF}")
     inside = pips_here("simulate", "mine/run.yaml", "--out", "a")
     given = pips_here("simulate", "run.yaml", "--scene", "mine/bracket.sdf", "--out", "b")
     assert (inside.code, given.code) == (0, 0), (inside, given)

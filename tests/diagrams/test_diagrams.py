@@ -29,6 +29,7 @@ def test_every_script_has_a_test():
         "serpentine_station.py",
         "arm_in_your_diagram.py",
         "render_to_file.py",
+        "teleoperate.py",
     }
     assert {file.name for file in DIAGRAMS.glob("*.py")} == tested
 
@@ -54,6 +55,7 @@ def test_the_arm_in_another_diagram_sags_by_its_statics(tmp_path):
     assert 8.0 < sag < 17.5
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_rendering_writes_a_picture(tmp_path):
     _run("render_to_file.py", "--out", "end.png", cwd=tmp_path)

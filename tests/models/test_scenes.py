@@ -175,6 +175,8 @@ def test_trajectory_4_and_its_blocked_twin_differ_in_the_payloads_place_alone():
     assert blocked.hit(front, view)[0] < 0.0  # the front is inside
 
 
+# Trajectory 4 and its blocked twin are checked by `tests/cli/test_other_commands.py` every time.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", INSPECTING)
 def test_planned_arm_keeps_its_distance_without_being_far_away(name):
     verdict = checked(name)
@@ -184,6 +186,7 @@ def test_planned_arm_keeps_its_distance_without_being_far_away(name):
     assert verdict.summary["drive_speed_max_fraction"] <= 1.0
 
 
+@pytest.mark.slow
 def test_check_finds_the_payload_in_the_way():
     verdict = checked(BLOCKED)
     assert not verdict.passed

@@ -13,6 +13,8 @@ from pips_drake.config import validate
 from pips_drake.serpentine.runs.check import check, scene_of_path
 from pips_drake.serpentine.scenario import SerpentineScenario
 
+pytestmark = pytest.mark.usefixtures("blank_figures")
+
 INCH = 0.0254
 #: The tip goes straight on from home by 1.098 in, so that the arm stays straight.
 STRAIGHT = "x_in,y_in,z_in\n16.255,0,0\n16.255,0,174.902\n16.255,0,176\n"

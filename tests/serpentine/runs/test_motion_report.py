@@ -12,7 +12,6 @@ from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.cli import main
 from pips_drake.errors import InputError, NotFollowableError
-from pips_drake.serpentine.runs import simulate as simulate_module
 from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.check import check
 from pips_drake.serpentine.runs.motion_report import motion_report, steady_speed_limits
@@ -111,7 +110,7 @@ def test_a_share_that_cannot_hold_the_arm_fails_a_check():
     assert "no fastest motion: no motion keeps the limits: at rest" in verdict.failures[0]
 
 
-def test_a_check_judges_the_motion_that_is_wanted(tmp_path):
+def test_a_check_judges_the_motion_that_is_wanted(tmp_path, blank_figures):
     verdict = check(fastest_scenario(), name="fast", out=tmp_path / "out")
     assert verdict.passed, verdict.failures
     assert verdict.summary["drive_speed_max_fraction"] == pytest.approx(0.95, abs=1e-3)
@@ -131,11 +130,9 @@ def test_the_command_says_how_long_and_what_holds_it_back(capsys):
     assert "held back by d1 speed (98 %), d1 acceleration (2 %)" in printed
 
 
-def test_a_run_may_be_the_fastest(tmp_path, monkeypatch):
-    # Pictures of the plan and proofs have their own tests, and take longest.
-    monkeypatch.setattr(simulate_module, "write_plan_figures", lambda *args, **kwargs: None)
+def test_a_run_may_be_the_fastest(tmp_path, blank_figures):
     scenario = fastest_scenario(duration_s=1 / 16)
-    scenario.certificate.enabled = False
+    scenario.certificate.enabled, scenario.actuation.show_uncompensated = False, False
     verdict = simulate(scenario, name="fast", out=tmp_path / "out")
     assert verdict.passed, verdict.failures
     assert verdict.summary["motion_profile"] == "fastest"

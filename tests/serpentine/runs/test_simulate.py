@@ -17,15 +17,9 @@ from pips_drake.serpentine.runs.simulate import simulate
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import load_setup
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timeout(300), pytest.mark.usefixtures("blank_figures")]
 
 BASE = "x_in,y_in,z_in\n16.255,0,0\n16.255,0,174.902\n"
-
-
-@pytest.fixture
-def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures and replay have their own tests, and take longest."""
-    monkeypatch.setattr(module, "write_plan_figures", lambda *args, **kwargs: None)
 
 
 def load(folder: Path, text: str) -> SerpentineScenario:
@@ -33,7 +27,7 @@ def load(folder: Path, text: str) -> SerpentineScenario:
     return load_yaml(SerpentineScenario, folder / "scenario.yaml")
 
 
-def test_a_machine_and_a_path_are_enough(tmp_path, no_pictures):
+def test_a_machine_and_a_path_are_enough(tmp_path):
     scenario = load(tmp_path, "machine: serpentine\npath: trajectory_4\n")
     scenario.duration_s = 1 / 16
     verdict = simulate(scenario, name="little", out=tmp_path / "result")
@@ -47,7 +41,7 @@ def test_a_machine_and_a_path_are_enough(tmp_path, no_pictures):
     assert (tmp_path / "result" / "replay.html").stat().st_size > 100_000
 
 
-def test_every_field_may_be_stated(tmp_path, no_pictures):
+def test_every_field_may_be_stated(tmp_path):
     """What is dumped states every field; here the values are not the defaults either."""
     (tmp_path / "straight.csv").write_text(BASE + "16.255,0,180\n")
     scenario = SerpentineScenario(path="straight.csv", scene="trajectory_4", seed=7)
@@ -85,7 +79,7 @@ def test_the_arm_starts_at_rest_where_it_is_commanded(tmp_path):
     assert np.all(np.isfinite(data.joint_efforts[1:]))
 
 
-def test_what_cannot_be_followed_is_not_simulated(tmp_path, no_pictures, monkeypatch):
+def test_what_cannot_be_followed_is_not_simulated(tmp_path, monkeypatch):
     def run(*args: Any, **kwargs: Any) -> None:
         raise AssertionError("simulated")
 
@@ -111,7 +105,7 @@ def test_an_error_while_it_runs_leaves_nothing(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_that_is_given_up_fails_and_keeps_its_folder(tmp_path, no_pictures):
+def test_a_run_that_is_given_up_fails_and_keeps_its_folder(tmp_path):
     # Three iterations reach 1e-9 in on the straight base line, not once the arm bends.
     text = """
 machine: serpentine
