@@ -37,6 +37,7 @@ from pips_drake.planning.live_snake import (
     Move,
     Wish,
     lay_snake,
+    let_go,
     listen,
     propose,
     take,
@@ -109,13 +110,14 @@ class LiveArm:
         """From frame {0} to the scene's frame, (3,) m."""
         return self._shift
 
-    def lay(self, path: ArrayLike, *, extended: float = 0.0) -> LiveState:
+    def lay(self, path: ArrayLike, *, extended: float = 0.0, settled: bool = False) -> LiveState:
         """An arm on a path of the tip.
 
         Args:
             path: (P, 3) m in the scene's frame; begins with the home tip, from which the arm goes
                 straight on for the lead.
             extended: how far out along it the tip is, m.
+            settled: whether the snake is let go before the arm is laid on it.
 
         Raises:
             InputError: the path means nothing, or its beginning is not the home tip.
@@ -133,6 +135,8 @@ class LiveArm:
                 f"snake begins at {live.snake.points[0].tolist()} m; must be at the home tip, "
                 f"{home.tolist()} m"
             )
+        if settled:
+            live = let_go(live, self.obstacles, self.settings.snake)
         trace = self._path_along(live.snake.points)
         tip = trace.home_arc_length + extended
         found = self._fit(live.snake.points, tip, before=None)

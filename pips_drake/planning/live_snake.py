@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
-from pips_drake.planning.potential_field import Repulsion
+from pips_drake.planning.potential_field import DistanceField, Repulsion
 from pips_drake.planning.snake import Snake, SnakeSettings, keep_spacing, make_snake
 from pips_drake.planning.snake_motion import settle
 from pips_drake.scene.signed_distance import SignedDistanceField
@@ -235,19 +235,12 @@ def propose(
         held[k] = _towards(held[k], place, obstacles, settings.radius, settings, limit)
         points[row] = held[k]
 
-    def distances(at: Array) -> tuple[Array, Array]:
-        reach = settings.repulsion.reach + settings.radius
-        if not obstacles.shapes:
-            return np.full((len(at), 1), np.inf), np.zeros((len(at), 1, 3))
-        found, gradients = obstacles.blended(at, blend=settings.blend, within=reach)
-        return found - settings.radius, gradients
-
     loose = replace(snake.settings, spacing_band=_ANY_SPACING)
     wanted = settle(
         replace(snake, points=points, settings=loose),
-        distances,
+        _felt(obstacles, settings),
         settings.repulsion,
-        pulls=wish.pulls,
+        pulls=_bounded(wish.pulls, settings),
         max_steps=settings.steps,
     ).snake.points
     ways = wanted - snake.points
@@ -272,6 +265,39 @@ def take(live: LiveSnake, move: Move, share: float) -> LiveSnake:
         points = live.snake.points + share * (move.points - live.snake.points)
         held = live.held + share * (move.held - live.held)
     return replace(live, snake=keep_spacing(replace(live.snake, points=points)), held=held)
+
+
+def let_go(
+    live: LiveSnake, obstacles: SignedDistanceField, settings: LiveSnakeSettings
+) -> LiveSnake:
+    """The snake at rest, as far as it comes to rest: with no arm on it that may be."""
+    settled = settle(live.snake, _felt(obstacles, settings), settings.repulsion)
+    return replace(live, snake=settled.snake)
+
+
+def _bounded(
+    pulls: tuple[tuple[Array, Array], ...], settings: LiveSnakeSettings
+) -> list[tuple[Array, Array]]:
+    """Pulls that obstacles can hold: at most half of what they push with where they push most."""
+    clamp = np.array(settings.repulsion.clamp)
+    most = 0.5 * float(settings.repulsion.push(clamp)) * settings.snake.spacing
+    return [
+        (place, force * min(1.0, most / max(float(np.linalg.norm(force)), 1e-300)))
+        for place, force in pulls
+    ]
+
+
+def _felt(obstacles: SignedDistanceField, settings: LiveSnakeSettings) -> DistanceField:
+    """What repels the snake: each body's distance from the arm on it."""
+
+    def distances(at: Array) -> tuple[Array, Array]:
+        if not obstacles.shapes:
+            return np.full((len(at), 1), np.inf), np.zeros((len(at), 1, 3))
+        reach = settings.repulsion.reach + settings.radius
+        found, gradients = obstacles.blended(at, blend=settings.blend, within=reach)
+        return found - settings.radius, gradients
+
+    return distances
 
 
 def _with_nails(

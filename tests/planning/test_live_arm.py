@@ -17,15 +17,18 @@ from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.planning.extension import Extending
 from pips_drake.planning.live_arm import LiveArm
 from pips_drake.planning.live_path import rounded_path
-from pips_drake.planning.live_snake import Wish
+from pips_drake.planning.live_snake import LiveSnakeSettings, Wish
 from pips_drake.planning.live_state import LiveArmSettings, Refusal
+from pips_drake.planning.potential_field import Repulsion
 from pips_drake.scene.packages import find_scene_file
 from pips_drake.scene.signed_distance import read_distance_field
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.drives import drive_limits, drives_from_joints
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.joint_motion import JointMotion
 from pips_drake.serpentine.motion_words import EXTEND, HOLD, RETRACT, RUN
+from pips_drake.serpentine.planned_motion import GivenJoints
 from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import SerpentineSetup
@@ -308,18 +311,21 @@ class Adversary:
         if rng.random() < 0.02:
             wish = replace(
                 wish,
-                word=rng.choice([RUN, EXTEND, EXTEND, EXTEND, HOLD, RETRACT]),
-                reach=rng.choice([math.inf, rng.uniform(0.0, 6.0)]),
+                word=rng.choice([RUN, EXTEND, EXTEND, EXTEND, EXTEND, HOLD, RETRACT]),
+                reach=rng.choice([math.inf, rng.uniform(1.0, 8.0)]),
             )
         self._wish = wish
         return wish
 
 
 def watch(live, state, operator, ticks):
-    """Ticks, and every claim of a state checked at each; returns all postures (ticks + 1, J)."""
+    """Ticks, and every claim of a state checked at each.
+
+    Returns all postures (ticks + 1, J), and why ticks were refused.
+    """
     arm, period = live.arm, live.settings.period
     speed = drive_limits(arm)[2]
-    postures = [state.joints]
+    postures, refusals = [state.joints], set()
     for _ in range(ticks):
         before, state = state, live.tick(state, operator(state))
         assert np.isfinite(state.joints).all()
@@ -331,7 +337,8 @@ def watch(live, state, operator, ticks):
         assert state.clearance >= live.settings.clearance
         assert np.isfinite(state.live.snake.points).all()
         postures.append(state.joints)
-    return np.array(postures)
+        refusals.add(state.refusal)
+    return np.array(postures), refusals
 
 
 def between(postures, every, parts):
@@ -342,44 +349,53 @@ def between(postures, every, parts):
     return ways.reshape(-1, postures.shape[1])
 
 
+#: Obstacles that hardly repel: the snake goes where it is pulled, and only the arm is held back.
+UNREPELLED = replace(
+    QUICK,
+    snake=LiveSnakeSettings(repulsion=Repulsion(strength=1e-6, reach=0.2, clamp=0.001), radius=0.0),
+)
+
+
 def test_an_operator_who_means_harm_does_none(arm):
-    live = live_arm(arm, (0.6, 0.3, 11.5, 0.12), (0.2, -0.3, 12.5, 0.1), settings=QUICK)
+    live = live_arm(arm, (0.6, 0.3, 11.5, 0.12), (0.2, -0.3, 12.5, 0.1), settings=UNREPELLED)
     state = live.lay(along_the_corridor(arm, 4.0), extended=2.0)
     adversary = Adversary(7, home_tip(arm) + vector(0.0, 0.0, 2.5), [0.2, 0.6, 1.2])
-    postures = watch(live, state, adversary, 100)
-    # It was no easy time: the arm moved, sideways too.
-    assert np.ptp(postures[:, 0]) > 0.02
+    postures, refusals = watch(live, state, adversary, 150)
+    # It was no easy time: the arm moved, sideways too, and was held back.
+    assert np.ptp(postures[:, 0]) > 0.01
     assert np.ptp(postures[:, 3:], axis=0).max() > 0.05
+    assert Refusal.TOO_NEAR in refusals
     # Between ticks it is short of its clearance by half of what it moves in one at most.
     allowed = live.settings.clearance - 0.5 * (0.09 + 0.2) / 32.0
     seen = min(distance_of_bodies(arm, live.obstacles, q) for q in between(postures, 10, 2))
-    assert allowed <= seen < 0.2
+    assert allowed <= seen < 0.08
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_thousands_of_ticks_of_harm_in_the_bay_by_drakes_own_distances(arm, seed):
+@pytest.mark.parametrize(("seed", "settings"), [(1, QUICK), (2, UNREPELLED)])
+def test_thousands_of_ticks_of_harm_in_the_bay_by_drakes_own_distances(arm, seed, settings):
     file = find_scene_file("cargo_bay")
     field = read_distance_field(file)
     tip = np.array([0.412877, 0.0, 4.4425])
     shift = float(tip[2] - home_tip(arm)[2])
-    live = LiveArm(arm, field, rail_shift=shift, settings=QUICK)
-    state = live.lay(tip + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 6.0]]), extended=1.0)
+    live = LiveArm(arm, field, rail_shift=shift, settings=settings)
+    state = live.lay(tip + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 6.0]]), extended=3.0)
     adversary = Adversary(seed, tip + vector(0.0, 0.0, 4.0), [0.25, 0.8, 1.5])
-    postures = watch(live, state, adversary, 3000)
+    postures, refusals = watch(live, state, adversary, 2000)
     assert np.ptp(postures[:, 0]) > 1.0
-    placed = place_arm(
-        SerpentineScenario(arm="cmu_92", path="live", mounting="laboratory"),
-        SerpentineSetup(
-            arm=arm,
-            path=state.path,
-            solver=FollowTheLeader(arm),
-            scene_file=file,
-            rail_shift=shift,
-        ),
+    assert (Refusal.TOO_NEAR in refusals) == (settings is UNREPELLED)
+    motion = JointMotion(times=np.array([0.0, 1.0]), joints=postures[:2])
+    setup = SerpentineSetup(
+        arm=arm,
+        motion=GivenJoints(arm=arm, motion=motion, name="live"),
+        solver=FollowTheLeader(arm),
+        scene_file=file,
+        rail_shift=shift,
     )
-    query = ClearanceQuery(placed.plant, [placed.model], max_distance=0.1)
+    scenario = SerpentineScenario(arm="cmu_92", path="live", mounting="laboratory")
+    placed = place_arm(scenario, setup)
+    query = ClearanceQuery(placed.plant, [placed.model], max_distance=0.3)
     allowed = live.settings.clearance - 0.5 * (0.09 + 0.2) / 32.0
     # Drake's distances of boxes may be too large by 0.05 mm, and bodies may touch each other.
     least = [query.least(found)[0].distance for found in placed.posed(between(postures, 6, 3))]
-    assert allowed - 1e-4 <= min(least) < 0.08
+    assert allowed - 1e-4 <= min(least) < (0.1 if settings is UNREPELLED else 0.2)
