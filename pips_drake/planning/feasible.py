@@ -90,7 +90,9 @@ def plan_feasibly(
         NoPathError: there is no way.
         NotFollowableError: the arm is too short for the shortest way.
     """
-    found, pulled = choose_route(arm, occupancy, goal, home_tip=home_tip, settings=settings)
+    found, pulled = choose_route(
+        arm, occupancy, goal, home_tip=home_tip, nails=nails, settings=settings
+    )
     made = make_feasible(
         arm,
         occupancy.field,

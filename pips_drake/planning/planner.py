@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -125,16 +126,45 @@ def choose_route(
     goal: ArrayLike,
     *,
     home_tip: ArrayLike | None = None,
+    nails: Sequence[ArrayLike] = (),
     settings: PlannerSettings | None = None,
 ) -> tuple[GridPath, Array]:
     """The shortest way from the lead's end to a goal: over cells, and pulled tight, (N, 3) m.
 
-    Args and raises as of `plan_to_goal`.
+    Args and raises as of `plan_to_goal`; `nails` are passed on the way, in order.
     """
     settings = settings or PlannerSettings()
     tip, along, _ = home_of(arm, home_tip)
-    found = find_path(occupancy, tip + settings.lead * along, goal)
-    return found, pull(occupancy.field, found.points, occupancy.radius)
+    return route_through(occupancy, [tip + settings.lead * along, *nails, goal])
+
+
+def route_through(occupancy: Occupancy, places: Sequence[ArrayLike]) -> tuple[GridPath, Array]:
+    """The shortest ways from each place to the next: over cells, and pulled tight, (N, 3) m.
+
+    Args:
+        places: two or more, (3,) m each: start, what is to be passed, goal.
+
+    Raises:
+        InputError, NoPathError: as of `grid_search.find_path`.
+    """
+    found = []
+    for k, (first, last) in enumerate(pairwise(places), start=1):
+        try:
+            found.append(find_path(occupancy, first, last))
+        except InputError as error:
+            if k == len(places) - 1 or not str(error).startswith("goal"):
+                raise
+            raise InputError(f"nail{str(error).removeprefix('goal')}") from None
+    pulled = [pull(occupancy.field, way.points, occupancy.radius) for way in found]
+    if len(found) == 1:
+        return found[0], pulled[0]
+    whole = GridPath(
+        points=np.vstack([found[0].points, *(way.points[1:] for way in found[1:])]),
+        cost=sum(way.cost for way in found),
+        source=0,
+        visited=sum(way.visited for way in found),
+    )
+    return whole, np.vstack([pulled[0], *(way[1:] for way in pulled[1:])])
 
 
 def plan_along(

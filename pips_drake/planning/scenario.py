@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass, field
 
 from pips_drake.config import require
+from pips_drake.scene.obstacles import ObstacleConfig
 from pips_drake.serpentine.mounting import mounting_rotation
 from pips_drake.serpentine.scenario import (
     ActuationConfig,
@@ -24,6 +25,8 @@ from pips_drake.serpentine.supervisor_config import SupervisorConfig
 WORKSPACES = ("unfolded", "box")
 #: What `origin` may say: `planning.origins.OriginRule`, which takes a compiler to load.
 ORIGINS = ("least_tip_travel", "least_exposed_length")
+#: What `scan.pattern` may say.
+PATTERNS = ("raster", "helix", "points")
 #: Finest and coarsest cells, mm.
 CELL_FINEST, CELL_COARSEST = 5.0, 1000.0
 #: Paths of different homotopy that may be asked for.
@@ -113,6 +116,58 @@ class GoalConfig:
 
 
 @dataclass
+class ScanConfig:
+    """A surface that the tip is led along: part of a cylinder about the workspace's axis."""
+
+    # raster: lines to and fro. helix: around and around. points: the points of a file. Empty: no
+    # scan, the goals are gone to.
+    pattern: str = ""
+    # Of the cylinder, m.
+    radius_m: float = 0.0
+    # The part of it: from, to.
+    along_m: list[float] = field(default_factory=list)
+    around_deg: list[float] = field(default_factory=lambda: [-180.0, 180.0])
+    # Of the tip from the surface, mm.
+    standoff_mm: float = 250.0
+    # Share of what the camera sees in one pass that it sees again in the next.
+    overlap: float = 0.2
+    # raster: lines around the axis, or along it.
+    lines: str = "around"
+    # points: a CSV of the scenario's own folder, x_m,y_m,z_m or x_in,y_in,z_in.
+    points_file: str = ""
+    # Of the tip's places, mm.
+    step_mm: float = 100.0
+    # How far the tip trails behind the pattern, because the camera looks ahead, mm; negative: as
+    # far as its pan leaves it short of a right angle.
+    lag_mm: float = -1.0
+    # Least share of the surface that must have been seen.
+    coverage_min: float = 0.0
+
+    def validate(self) -> None:
+        known = ", ".join(PATTERNS)
+        require(self.pattern in ("", *PATTERNS), "scan.pattern", self.pattern, f"{known} or empty")
+        if not self.pattern:
+            return
+        given = bool(self.points_file)
+        allowed = "given with points, and only then"
+        require(given == (self.pattern == "points"), "scan.points_file", self.points_file, allowed)
+        if self.pattern != "points" or self.along_m:
+            require(self.radius_m > 0.0, "scan.radius_m", self.radius_m, "> 0")
+            _check_range("scan.along_m", self.along_m)
+            _check_range("scan.around_deg", self.around_deg)
+        require(self.lines in ("around", "along"), "scan.lines", self.lines, "around or along")
+        for name, least, most in (
+            ("standoff_mm", 1.0, 1e5),
+            ("overlap", 0.0, 0.95),
+            ("step_mm", 1.0, 1e4),
+            ("lag_mm", -1.0, 2e3),
+            ("coverage_min", 0.0, 1.0),
+        ):
+            value = getattr(self, name)
+            require(least <= value <= most, f"scan.{name}", value, f"{least:g} .. {most:g}")
+
+
+@dataclass
 class SnakeConfig:
     """What paths are made of, and how obstacles repel them (docs/planning.md)."""
 
@@ -158,18 +213,24 @@ class PlannerScenario:
     scene: str = ""
     # Split the scene's meshes into convex parts (extra `meshes`).
     decompose_meshes: bool = False
+    # Placed in the scene besides what it has, for the planner and for the run.
+    obstacles: list[ObstacleConfig] = field(default_factory=list)
+    # More of them, from a file inside the scenario's own folder: a list `obstacles`.
+    obstacles_file: str = ""
     # Where the path begins, in frame 0, m; empty for the arm's own home. Only an arm whose rail is
     # placed for the path can begin elsewhere.
     home_tip_m: list[float] = field(default_factory=list)
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
     # In this order.
     goals: list[GoalConfig] = field(default_factory=list)
+    scan: ScanConfig = field(default_factory=ScanConfig)
     # What is kept small from one goal to the next: least_tip_travel or least_exposed_length
     # (CMU-92 section 3.3).
     origin: str = "least_tip_travel"
-    # How many paths of different homotopy are looked for to the first goal, and which one is taken.
+    # How many paths of different homotopy are looked for to a single goal, and which one is taken;
+    # 0: the shortest that the arm can follow and its drives can hold.
     alternatives: int = 1
-    choose: int = 1
+    choose: int = 0
     # A path of your own, a shipped name or a file, that is improved instead of searched for one.
     improve: str = ""
     snake: SnakeConfig = field(default_factory=SnakeConfig)
@@ -196,32 +257,44 @@ class PlannerScenario:
         mounting_rotation(self.mounting)
         tip = self.home_tip_m
         require(len(tip) in (0, 3), "home_tip_m", tip, "three numbers, or empty")
-        if not self.improve:
-            require(len(self.goals) > 0, "goals", "[]", "one goal or more")
+        tasks = {"goals": self.goals, "scan": self.scan.pattern, "improve": self.improve}
+        given = [name for name, value in tasks.items() if value]
+        require(len(given) > 0, "goals", "[]", "one goal or more, or a scan, or a path to improve")
+        require(len(given) == 1, " and ".join(given), "all given", "one of them")
         names = [goal.name for goal in self.goals if goal.name]
         require(len(set(names)) == len(names), "goals", names, "of different names")
         if self.workspace.kind != "unfolded":
             good = not any(goal.unfolded for goal in self.goals)
             require(good, "goals.unfolded", "given", "left out in a workspace that is a box")
+            good = not self.scan.along_m
+            require(good, "scan.along_m", "given", "left out in a workspace that is a box")
         require(self.origin in ORIGINS, "origin", self.origin, " or ".join(ORIGINS))
         count = self.alternatives
         good = 1 <= count <= MOST_ALTERNATIVES
         require(good, "alternatives", count, f"1 .. {MOST_ALTERNATIVES}")
-        require(1 <= self.choose <= count, "choose", self.choose, "1 .. alternatives")
+        require(0 <= self.choose <= count, "choose", self.choose, "0 .. alternatives")
+        good = count == 1 or len(self.goals) == 1
+        require(good, "alternatives", count, "1 with several goals, or none")
         # What it shares with a serpentine scenario is checked as there.
         serpentine_scenario(self, path="planned").validate()
 
 
-def serpentine_scenario(scenario: PlannerScenario, *, path: str) -> SerpentineScenario:
-    """The scenario that runs what was planned.
+def serpentine_scenario(
+    scenario: PlannerScenario, *, path: str = "", joints: str = "", rail_shift: float = 0.0
+) -> SerpentineScenario:
+    """The scenario that runs what was planned, along a path or given by joints.
 
     Args:
         path: the planned path's file.
+        joints: the planned joints' file.
+        rail_shift: where the rail stands then, m along z0.
     """
     return SerpentineScenario(
         description=scenario.description,
         arm=scenario.arm,
         path=path,
+        joints=joints,
+        rail_shift_m=rail_shift,
         scene=scenario.scene,
         decompose_meshes=scenario.decompose_meshes,
         # The planner's paths are dense; their arcs are as wide as their points let them be.

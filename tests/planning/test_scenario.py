@@ -31,7 +31,7 @@ def make(**changes):
 
 
 BAD = {
-    "no goals": (dict(goals=[]), r"goals = \[\]; must be one goal or more"),
+    "no goals": (dict(goals=[]), r"goals = \[\]; must be one goal or more, or"),
     "a goal that is nowhere": (dict(goals=[GoalConfig()]), r"goals\[0\].*neither"),
     "a goal in two places": (
         dict(goals=[GoalConfig(point_m=[0.0] * 3, unfolded=[1.0] * 3)]),
@@ -60,7 +60,7 @@ BAD = {
     "an axis in the way": (dict(workspace=unfolded(out_m=[-1.0, 2.0])), r"workspace\.out_m"),
     "cells of nothing": (dict(workspace=unfolded(cell_mm=0.0)), r"workspace\.cell_mm = 0\.0"),
     "an unknown rule": (dict(origin="shortest"), "least_tip_travel or least_exposed_length"),
-    "a path that there is not": (dict(alternatives=2, choose=3), r"choose = 3; must be 1 \.\."),
+    "a path that there is not": (dict(alternatives=2, choose=3), r"choose = 3; must be 0 \.\."),
     "a goal unfolded in a box": (
         dict(
             workspace=WorkspaceConfig(kind="box", lower_m=[0.0] * 3, upper_m=[1.0] * 3),

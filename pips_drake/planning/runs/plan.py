@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,36 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.config import dump_yaml
-from pips_drake.errors import NotFollowableError
-from pips_drake.planning.planner import GoalPlan, plan_to_goal
+from pips_drake.planning.runs.motion import plan_motion
+from pips_drake.planning.runs.pictures import write_coverage, write_plan_replay, write_views
+from pips_drake.planning.runs.planned import Planned
 from pips_drake.planning.runs.workspace import Workspace, load_workspace
-from pips_drake.planning.scenario import PlannerScenario, goal_point, serpentine_scenario
+from pips_drake.planning.scenario import PlannerScenario, serpentine_scenario
 from pips_drake.scene.packages import find_arm_file, list_names
-from pips_drake.serpentine.runs.check import check
+from pips_drake.serpentine.joint_motion_file import write_joint_motion
+from pips_drake.serpentine.runs.check import check_into
 from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.station import load_setup
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.summary import versions, write_summary
 from pips_drake.twin.verdict import Verdict
 
 Array = NDArray[np.float64]
 
-#: The planned path, and the scenario that runs it, in a plan's folder.
-PATH_FILE, RUN_FILE = "path.csv", "simulate.yaml"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Planned:
-    """What was planned.
-
-    Attributes:
-        goals: a plan for each of the scenario's goals that was reached, in their order.
-        failures: why there is no motion to all of them; empty if there is.
-        wall_s: how long it took, s.
-    """
-
-    goals: tuple[GoalPlan, ...]
-    failures: tuple[str, ...]
-    wall_s: float
+#: The planned path, or the planned joints, and the scenario that runs it, in a plan's folder.
+PATH_FILE, JOINTS_FILE, RUN_FILE = "path.csv", "joints.npz", "simulate.yaml"
 
 
 def plan(
@@ -67,16 +54,20 @@ def plan(
     """
     workspace = load_workspace(scenario, folder=folder, scene_file=scene_file)
     with output_folder(out, force=force) as partial:
-        planned = plan_motion(scenario, workspace)
+        planned = plan_motion(scenario, workspace, folder=folder)
         (partial / "figures").mkdir()
         summary: dict[str, Any] = {}
         failures = list(planned.failures)
-        if planned.goals:
-            run = write_motion(partial, scenario, planned, folder_of_names=folder)
-            verdict = check(run, name=name, folder=partial, scene_file=workspace.scene_file)
+        if planned.plans:
+            run, files = write_motion(partial, scenario, workspace, planned, folder=folder)
+            setup = load_setup(run, folder=partial, **files)
+            verdict = check_into(partial, run, setup, name=name)
+            write_plan_replay(partial / "replay.html", name, run, setup)
+            write_coverage(partial / "figures" / "coverage.png", planned)
             summary |= dict(verdict.summary)
-            failures += verdict.failures
-        summary |= {
+            failures += [said for said in verdict.failures if said not in failures]
+        write_views(partial / "figures" / "views.png", name, scenario, workspace, planned)
+        summary |= planned.numbers | {
             "scenario": name,
             "planning_wall_s": planned.wall_s,
             "verdict": "fail" if failures else "pass",
@@ -88,45 +79,52 @@ def plan(
     return Verdict(failures=tuple(failures), summary=summary, folder=out)
 
 
-def plan_motion(scenario: PlannerScenario, workspace: Workspace) -> Planned:
-    """Plans a scenario's motion.
-
-    Raises:
-        InputError: a goal is outside the workspace, or inside an obstacle.
-    """
-    began = time.perf_counter()
-    goals, failures = [], []
-    try:
-        goals.append(
-            plan_to_goal(
-                workspace.arm,
-                workspace.occupancy,
-                goal_point(scenario, scenario.goals[0]),
-                home_tip=workspace.home_tip,
-                settings=workspace.settings,
-            )
-        )
-    except NotFollowableError as error:
-        failures.append(str(error))
-    return Planned(goals=tuple(goals), failures=tuple(failures), wall_s=time.perf_counter() - began)
-
-
 def write_motion(
-    folder: Path, scenario: PlannerScenario, planned: Planned, *, folder_of_names: Path | None
-) -> SerpentineScenario:
-    """Writes what was planned, and the scenario that runs it, which is returned.
+    to: Path,
+    scenario: PlannerScenario,
+    workspace: Workspace,
+    planned: Planned,
+    *,
+    folder: Path | None,
+) -> tuple[SerpentineScenario, dict[str, Any]]:
+    """Writes what was planned and the scenario that runs it.
 
     Args:
-        folder_of_names: where the scenario's relative file names start.
+        to: where to.
+        folder: where the planner's scenario's relative file names start.
+
+    Returns:
+        The scenario, and what else `check` and `simulate` of it want: `scene_file`.
     """
-    points = planned.goals[0].points
-    header = "x_m,y_m,z_m"
-    np.savetxt(folder / PATH_FILE, points, delimiter=",", header=header, comments="", fmt="%.12g")
-    run = serpentine_scenario(scenario, path=PATH_FILE)
+    names: dict[str, Any] = {}
+    if planned.motion is None:
+        _write_path(to / PATH_FILE, planned.plans[0].points)
+        names["path"] = PATH_FILE
+    else:
+        write_joint_motion(to / JOINTS_FILE, workspace.arm, planned.motion)
+        names |= {"joints": JOINTS_FILE, "rail_shift": float(planned.plans[0].shift[2])}
+        for number, made in enumerate(planned.plans, start=1):
+            _write_path(to / f"path_{number}.csv", made.points)
+    run = serpentine_scenario(scenario, **names)
+    if planned.motion is not None and planned.scan is None:
+        # A tour dwells at its goals and comes home by itself.
+        run = replace(run, motion=replace(run.motion, dwell_s=0.0, retract=False))
     if scenario.arm not in list_names("arm"):
         # A plan's folder needs nothing beside it.
-        file = find_arm_file(scenario.arm, inside=folder_of_names)
-        shutil.copy(file, folder / file.name)
+        file = find_arm_file(scenario.arm, inside=folder)
+        shutil.copy(file, to / file.name)
         run = replace(run, arm=file.name)
-    write_whole(folder / RUN_FILE, dump_yaml(run))
-    return run
+    scene_file = workspace.scene_file
+    if workspace.obstacles.configs:
+        shipped = scenario.scene in list_names("scene")
+        scene = scenario.scene if shipped or scene_file is None else str(scene_file)
+        scene_file = workspace.obstacles.write_scene(to, scene)
+        run = replace(run, scene=scene_file.name)
+    write_whole(to / RUN_FILE, dump_yaml(run))
+    return run, {"scene_file": scene_file}
+
+
+def _write_path(file: Path, points: Array) -> None:
+    """A path's points as `pips follow`, `check` and `simulate` read them."""
+    header = "x_m,y_m,z_m"
+    np.savetxt(file, points, delimiter=",", header=header, comments="", fmt="%.12g")

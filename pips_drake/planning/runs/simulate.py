@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pydrake.geometry import Meshcat
 
-from pips_drake.planning.runs.plan import plan, plan_motion, write_motion
+from pips_drake.planning.runs.motion import plan_motion
+from pips_drake.planning.runs.plan import plan, write_motion
 from pips_drake.planning.runs.workspace import load_workspace
 from pips_drake.planning.scenario import PlannerScenario
 from pips_drake.serpentine.runs.simulate import simulate as simulate_run
@@ -40,18 +41,18 @@ def simulate(
         InputError: something that the scenario names cannot be used; nothing is written.
     """
     workspace = load_workspace(scenario, folder=folder, scene_file=scene_file)
-    planned = plan_motion(scenario, workspace)
+    planned = plan_motion(scenario, workspace, folder=folder)
     if planned.failures:
         return plan(scenario, name=name, out=out, force=force, folder=folder, scene_file=scene_file)
     with tempfile.TemporaryDirectory() as temporary:
         there = Path(temporary)
-        run = write_motion(there, scenario, planned, folder_of_names=folder)
+        run, files = write_motion(there, scenario, workspace, planned, folder=folder)
         return simulate_run(
             run,
             name=name,
             out=out,
             force=force,
             folder=there,
-            scene_file=workspace.scene_file,
             meshcat=meshcat,
+            **files,
         )

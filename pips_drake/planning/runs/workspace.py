@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from pips_drake.errors import InputError
 from pips_drake.planning.grid import Grid
+from pips_drake.planning.obstacles import Obstacles
 from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.planner import PlannerSettings
 from pips_drake.planning.potential_field import Repulsion
 from pips_drake.planning.scenario import PlannerScenario, WorkspaceConfig
 from pips_drake.planning.snake import SnakeSettings
-from pips_drake.scene.packages import find_arm_file, find_scene_file
+from pips_drake.scene.obstacles import load_obstacles
+from pips_drake.scene.packages import find_arm_file, find_file, find_scene_file
 from pips_drake.scene.signed_distance import SignedDistanceField, read_distance_field
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import SerpentineArm, load_arm
@@ -30,12 +32,14 @@ class Workspace:
 
     Attributes:
         occupancy: the cells that its middle may visit; holds grid and distance field too.
+        obstacles: placed in the scene.
         home_tip: where its tip is at the beginning, (3,) m.
-        scene_file: None if there is no scene.
+        scene_file: None if there is no scene; without the obstacles.
     """
 
     arm: SerpentineArm
     occupancy: Occupancy
+    obstacles: Obstacles
     home_tip: Array
     settings: PlannerSettings
     scene_file: Path | None
@@ -58,11 +62,16 @@ def load_workspace(
     field = SignedDistanceField.of([])
     if scene_file is not None:
         field = read_distance_field(scene_file)
+    placed = list(scenario.obstacles)
+    if scenario.obstacles_file:
+        placed += load_obstacles(_find_obstacles(scenario.obstacles_file, folder))
+    obstacles = Obstacles.of(field, placed)
     radius = scenario.workspace.arm_radius_mm * 1e-3
     tip = np.array(scenario.home_tip_m) if scenario.home_tip_m else _home_tip(arm)
     return Workspace(
         arm=arm,
-        occupancy=Occupancy.of(field, make_grid(scenario.workspace), radius),
+        occupancy=Occupancy.of(obstacles.field, make_grid(scenario.workspace), radius),
+        obstacles=obstacles,
         home_tip=tip,
         settings=planner_settings(scenario),
         scene_file=scene_file,
@@ -117,6 +126,10 @@ def planner_settings(scenario: PlannerScenario) -> PlannerSettings:
             clamp=snake.clamp_mm * 1e-3,
         ),
     )
+
+
+def _find_obstacles(name: str, folder: Path | None) -> Path:
+    return find_file("obstacles", name, inside=folder)
 
 
 def _home_tip(arm: SerpentineArm) -> Array:

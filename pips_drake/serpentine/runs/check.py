@@ -25,7 +25,7 @@ from pips_drake.serpentine.runs.scene_report import (
 )
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.statics import holding_efforts
-from pips_drake.serpentine.station import gravity_in_frame_0, load_setup
+from pips_drake.serpentine.station import SerpentineSetup, gravity_in_frame_0, load_setup
 from pips_drake.twin.clearance import ClearanceQuery, LeastDistance
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.run_figures import clearance_figure
@@ -71,33 +71,48 @@ def check(
         InputError: something that the scenario names cannot be used; nothing is written.
     """
     setup = load_setup(scenario, folder=folder, scene_file=scene_file, joint_motion=joint_motion)
-    # The plan knows of no fault; a displaced payload stands where it is believed to stand.
-    planned = planned_run(dataclasses.replace(scenario, faults=[]), setup)
     if out is None:
-        return _check(planned, name)[0]
+        return _check(_believed(scenario, setup), name)[0]
     with output_folder(out, force=force) as partial:
-        pictures = partial / "figures"
-        pictures.mkdir()
-        verdict, clearance, certified = _check(planned, name, figures=pictures)
-        planned.write_figures(pictures)
-        if certified is not None:
-            write_proof(partial / "proof_commanded.npz", certified)
-        if clearance:
-            clearance_figure(
-                pictures / "clearance.png",
-                planned.postures.ways,
-                [scene.distance for scene, _ in clearance],
-                pair=min((scene for scene, _ in clearance), key=lambda s: s.distance).pair,
-                threshold=scenario.checks.clearance_min_mm * 1e-3,
-                max_distance=scenario.clearance_range_m,
-                own_distance=[own.distance for _, own in clearance],
-                x_axis=("tip travel", "m"),
-                certified=certified_clearance(certified),
-            )
+        verdict = check_into(partial, scenario, setup, name=name)
         scenario = with_joint_motion_file(scenario, setup, partial)
         write_whole(partial / "scenario.yaml", scenario_text(scenario))
         write_summary(partial / "summary.json", verdict.summary)
     return Verdict(failures=verdict.failures, summary=verdict.summary, folder=out)
+
+
+def check_into(
+    folder: Path, scenario: SerpentineScenario, setup: SerpentineSetup, *, name: str
+) -> Verdict:
+    """Judges a plan as `check` does, and writes its proof and its figures, but no summary.
+
+    Args:
+        folder: exists; `figures` in it is made.
+    """
+    planned, pictures = _believed(scenario, setup), folder / "figures"
+    pictures.mkdir(exist_ok=True)
+    verdict, clearance, certified = _check(planned, name, figures=pictures)
+    planned.write_figures(pictures)
+    if certified is not None:
+        write_proof(folder / "proof_commanded.npz", certified)
+    if clearance:
+        clearance_figure(
+            pictures / "clearance.png",
+            planned.postures.ways,
+            [scene.distance for scene, _ in clearance],
+            pair=min((scene for scene, _ in clearance), key=lambda s: s.distance).pair,
+            threshold=scenario.checks.clearance_min_mm * 1e-3,
+            max_distance=scenario.clearance_range_m,
+            own_distance=[own.distance for _, own in clearance],
+            x_axis=("tip travel", "m"),
+            certified=certified_clearance(certified),
+        )
+    return verdict
+
+
+def _believed(scenario: SerpentineScenario, setup: SerpentineSetup) -> PlannedRun:
+    """The plan knows of no fault; a displaced payload stands where it is believed to stand."""
+    return planned_run(dataclasses.replace(scenario, faults=[]), setup)
 
 
 Clearances = list[tuple[LeastDistance, LeastDistance]]
