@@ -368,7 +368,7 @@ def test_an_operator_who_means_harm_does_none(arm):
     # Between ticks it is short of its clearance by half of what it moves in one at most.
     allowed = live.settings.clearance - 0.5 * (0.09 + 0.2) / 32.0
     seen = min(distance_of_bodies(arm, live.obstacles, q) for q in between(postures, 10, 2))
-    assert allowed <= seen < 0.08
+    assert allowed <= seen < 0.12
 
 
 @pytest.mark.slow
