@@ -31,7 +31,7 @@ from pips_drake.scene.shape_distance import distance_to_shape
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.links import make_links
+from pips_drake.serpentine.links import collision_shapes
 
 Array = NDArray[np.float64]
 
@@ -104,9 +104,9 @@ class ClearanceBound:
 def arm_bodies(arm: SerpentineArm) -> ArmBodies:
     """An arm's bodies, as the plant has them."""
     names, frames, centres, rotations, halves, radii = [], [], [], [], [], []
-    for j, link in enumerate(make_links(arm)[1:]):
-        for shape in link.collisions:
-            names.append(link.name)
+    for j, body in enumerate(arm.bodies):
+        for shape in collision_shapes(arm, body):
+            names.append(body.name)
             frames.append(j)
             centres.append(shape.centre)
             rotations.append(np.eye(3) if shape.rotation is None else shape.rotation.as_matrix())

@@ -184,10 +184,13 @@ def keep_spacing(snake: Snake) -> Snake:
     if spacings.max() <= high and spacings.min() >= low:
         return snake
     keep = np.ones(len(snake.points), dtype=bool)
-    last = 0
-    for k in range(1, len(snake.points)):
-        gap = np.linalg.norm(snake.points[k] - snake.points[last])
-        if gap < low and not snake.nailed[k] and keep.sum() > _FEWEST:
+    last, places = 0, snake.points.tolist()
+    for k in range(1, len(places)):
+        if (
+            math.dist(places[k], places[last]) < low
+            and not snake.nailed[k]
+            and keep.sum() > _FEWEST
+        ):
             keep[k] = False
             continue
         last = k
@@ -195,6 +198,8 @@ def keep_spacing(snake: Snake) -> Snake:
     # As many as bring each interval back into the band, at equal shares of it.
     lengths = np.linalg.norm(np.diff(snake.points[rows], axis=0), axis=-1)
     parts = np.where(lengths > high, np.ceil(lengths / snake.settings.spacing), 1.0)
+    if keep.all() and (parts == 1.0).all():  # nails nearer to each other than that stay so
+        return snake
     # Old points stay at whole numbers.
     at = np.concatenate([k + np.arange(n) / n for k, n in enumerate(parts)] + [[len(rows) - 1.0]])
     old = np.arange(len(rows), dtype=np.float64)

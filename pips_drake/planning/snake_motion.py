@@ -49,6 +49,9 @@ _FLOOR = 1e-4
 _GROWTH, _SHRINK = 4.0, 0.5
 #: So often at most; then the step is taken as it is: it is too small to matter.
 _MOST_REPEATS = 40
+#: So often at most points are inserted and deleted: where a point goes as soon as it has come, the
+#: snake rests with those that it has.
+_MOST_CHANGES = 100
 #: By so much an energy may seem to rise by rounding.
 _ROUNDING = 1e-12
 
@@ -95,7 +98,7 @@ def settle(
     snake = keep_spacing(snake)
     felt = _feel(snake, field, repulsion, pulls)
     floor = _FLOOR * snake.tension.max() / h**2
-    energies, gain, stable, steps = [felt.energy], floor, False, 0
+    energies, gain, stable, steps, changes = [felt.energy], floor, False, 0, 0
     while steps < max_steps and not stable:
         for _ in range(_MOST_REPEATS):
             points = _implicit_step(snake, felt, gain)
@@ -111,9 +114,10 @@ def settle(
         stable = bool(small and gain <= _GROWTH * floor)
         gain = max(gain * _SHRINK, floor)
         snake, felt = moved, after
-        spaced = keep_spacing(snake)
+        spaced = keep_spacing(snake) if changes < _MOST_CHANGES else snake
         if spaced is not snake:
             snake, felt, stable = spaced, _feel(spaced, field, repulsion, pulls), False
+            changes += 1
     return Settled(
         snake=snake,
         stable=stable,

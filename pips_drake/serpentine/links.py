@@ -153,6 +153,22 @@ def touching_groups(arm: SerpentineArm) -> dict[str, tuple[str, ...]]:
     return groups
 
 
+def collision_shapes(arm: SerpentineArm, body: Body) -> list[Shape]:
+    """What of a body collides, in its joint's frame: the box first, then a crosshead's pins."""
+    centre = body.centre * arm.mirror
+    shapes = [Shape(name=f"{body.name}_collision", kind="box", size=body.size, centre=centre)]
+    if _kind(body) == "crosshead":
+        for count, strut in enumerate(crosshead_struts(arm, arm.bodies.index(body)), start=1):
+            size = np.array([strut.radius])
+            shapes.append(Shape(name=f"pin_{count}", kind="sphere", size=size, centre=strut.end))
+    return shapes
+
+
+def _kind(body: Body) -> str:
+    """Of a body: its name without its number."""
+    return body.name.rstrip("0123456789_")
+
+
 def _make_joints(arm: SerpentineArm) -> list[Joint]:
     stiffness, effort = joint_stiffness(arm), joint_effort_limit(arm)
     lower, upper = hard_stops(arm)
@@ -193,9 +209,8 @@ def _relative_pose(arm: SerpentineArm, j: int) -> tuple[Array, Rotation]:
 
 def _make_link(arm: SerpentineArm, body: Body, joint: Joint | None) -> Link:
     centre = body.centre * arm.mirror
-    box = Shape(name=f"{body.name}_collision", kind="box", size=body.size, centre=centre)
-    collisions, visuals = [box], []
-    kind = body.name.rstrip("0123456789_")
+    collisions, visuals = collision_shapes(arm, body), []
+    box, kind = collisions[0], _kind(body)
     if kind == "segment":
         for count, strut in enumerate(segment_struts(body), start=1):
             visuals.append(_drawn(_mirrored(arm, strut), f"strut_{count}", kind))
@@ -206,9 +221,6 @@ def _make_link(arm: SerpentineArm, body: Body, joint: Joint | None) -> Link:
         struts = crosshead_struts(arm, arm.bodies.index(body))
         for count, strut in enumerate(struts, start=1):
             visuals.append(_drawn(strut, f"bracket_{count}", kind))
-            size = np.array([strut.radius])
-            pin = Shape(name=f"pin_{count}", kind="sphere", size=size, centre=strut.end)
-            collisions.append(pin)
     if kind == "camera_head":
         # A lens, so that one sees where the camera looks.
         ahead = np.array([1.0, 0.0, 0.0])

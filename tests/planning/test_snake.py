@@ -292,3 +292,15 @@ def test_weights_nails_and_goals_that_mean_nothing_are_refused():
         nail(start, start.points[0])
     with pytest.raises(InputError, match="must be three finite numbers"):
         move_goal(start, [1.0, 2.0])
+
+
+def test_nails_nearer_to_each_other_than_the_band_do_not_keep_it_from_resting():
+    snake = make_snake([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], SETTINGS)
+    nailed = snake.nailed.copy()
+    nailed[[4, 5]] = True
+    points = snake.points.copy()
+    points[5] = points[4] + np.array([0.02, 0.0, 0.0])
+    snake = replace(snake, points=points, nailed=nailed)
+    spaced = keep_spacing(snake)
+    assert keep_spacing(spaced) is spaced
+    assert settle(snake, free, REPULSION, max_steps=50).stable
