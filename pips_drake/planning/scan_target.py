@@ -118,7 +118,7 @@ class CylinderTarget:
     def area(self) -> float:
         """m^2."""
         low, high = self.around
-        return self.radius * (high - low) * (self.along[1] - self.along[0])
+        return float(self.radius * (high - low) * (self.along[1] - self.along[0]))
 
     def to_world(self, along: ArrayLike, around: ArrayLike, height: ArrayLike = 0.0) -> Array:
         """Points (N, 3) m at places on it, and at heights above it: m, rad, m, (N,) each."""

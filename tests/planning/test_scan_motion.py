@@ -184,6 +184,21 @@ def test_a_post_in_the_way_is_named_gone_around_and_not_touched(arm, occupancy):
     assert np.ptp(around) > 0.6
 
 
+def test_an_arm_that_is_held_by_a_post_draws_back_and_comes_along_its_other_side(arm, occupancy):
+    among = occupancy.updated(occupancy.field.with_shapes([post(2.0, 6.9)]))
+    # A line from side to side beyond the post, on which the arm leans as its tip goes on.
+    found = scan(arm, among, lines((7.0, 7.2), (-80.0, 80.0)))
+    assert found.failures == ()
+    check_motion(found, arm, ScanSettings())
+    assert found.reached.all()
+    changing = found.stages == CHANGE
+    assert changing.any()
+    assert sum(note.startswith("changed over") for note in found.notes) == 1
+    # To get to the other side the tip comes back before the post; while it scans it never does.
+    assert found.tips[changing][:, 2].min() < 6.9 - 0.12
+    assert found.tips[found.stages == SCAN][:, 2].min() > 6.8
+
+
 @pytest.mark.slow
 def test_a_scan_ends_where_the_arm_is_too_short_and_says_so(arm, occupancy):
     # Along the bay, 0.5 m beyond what the feed exposes.
@@ -238,26 +253,29 @@ def test_half_of_the_payloads_girth_is_scanned_without_a_contact(arm, occupancy,
     assert found.reached.all()
     assert found.coverage.share > 0.99
     assert found.clearance.lower > 0.05
-    assert collisions(found, tmp_path, 1500) == 0
+    assert collisions(found, tmp_path, 600) == 0
 
 
 @pytest.mark.slow
-def test_among_posts_and_pipes_the_arm_changes_over_and_touches_nothing(arm, occupancy, tmp_path):
-    found = scan(arm, occupancy, lines((7.7, 9.7), (-90.0, 60.0)))
+def test_among_pins_pipes_and_housings_nothing_is_touched(arm, occupancy, tmp_path):
+    found = scan(arm, occupancy, lines((8.6, 9.9), (-60.0, 60.0)))
     assert found.failures == ()
     check_motion(found, arm, ScanSettings())
-    assert (found.stages == CHANGE).any()
     assert (found.reached == ~(found.route.refused | found.route.cut)).all()
-    assert found.coverage.share > 0.9
-    assert collisions(found, tmp_path, 1500) == 0
+    names = " ".join(found.route.blockers)
+    assert all(name in names for name in ("cable_tray", "antenna", "pipe"))
+    # 7 % lie beside pipe, tray and antenna, where the tip has no room.
+    assert 0.9 < found.coverage.share < 0.95
+    assert found.coverage.hidden_areas.keys() == {"obstacles::obstacles (antenna)"}
+    assert collisions(found, tmp_path, 600) == 0
 
 
 @pytest.mark.slow
 def test_a_helix_goes_all_the_way_around_the_payload(arm, occupancy, tmp_path):
-    whole = CylinderTarget(radius=PAYLOAD, along=(6.7, 7.3), origin=AXIS)
+    whole = CylinderTarget(radius=PAYLOAD, along=(6.7, 7.1), origin=AXIS)
     found = scan(arm, occupancy, helix(whole, CAMERA, standoff=STANDOFF, overlap=0.0))
     assert found.failures == ()
     check_motion(found, arm, ScanSettings())
     assert found.reached.all()
     assert found.coverage.share > 0.98
-    assert collisions(found, tmp_path, 1000) == 0
+    assert collisions(found, tmp_path, 600) == 0
