@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -43,6 +44,8 @@ Word = tuple[int, ...]
 
 # Points along `out` for each layer of cells, where it is looked whether the arm fits through.
 _FINER = 4
+# What is nearest to this share of a layer's cells, or more, and of its main body, bounds the gap.
+_COMMON = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +114,28 @@ class Surface:
             occupancy=occupancy,
             pieces=tuple(pieces),
             turns=len(pieces) - 1 if closed else None,
+        )
+
+    @cached_property
+    def known(self) -> frozenset[int]:
+        """The shapes that words know of: those of pieces, and what bounds the gap."""
+        shapes = {piece.shape for piece in self.pieces if piece.shape >= 0}
+        for layer in (0, self.occupancy.grid.shape[2] - 1):
+            nearest = _along_layer(self.occupancy, layer)
+            bodies = [self.occupancy.field.shapes[m].body for m in nearest]
+            main = max(sorted(set(bodies)), key=bodies.count, default="")
+            for m in set(nearest):
+                body = self.occupancy.field.shapes[m].body
+                if body == main and nearest.count(m) >= _COMMON * len(nearest):
+                    shapes.add(m)
+        return frozenset(shapes)
+
+    @cached_property
+    def others(self) -> SignedDistanceField:
+        """The field of the shapes that words do not know of."""
+        shapes = self.occupancy.field.shapes
+        return SignedDistanceField.of(
+            placed for m, placed in enumerate(shapes) if m not in self.known
         )
 
     def word(self, path: ArrayLike) -> Word:
@@ -201,13 +226,22 @@ def short_name(field: SignedDistanceField, shape: int) -> str:
     return placed.body.split("::")[-1] if alone or not placed.name else placed.name
 
 
+def _along_layer(occupancy: Occupancy, layer: int) -> list[int]:
+    """The nearest shapes to some cells all over a layer."""
+    grid = occupancy.grid
+    rows, columns = (
+        np.linspace(0, n - 1, min(n, most)).astype(np.int64)
+        for n, most in zip(grid.shape[:2], (12, 144), strict=True)
+    )
+    cells = np.stack(np.meshgrid(rows, columns, [layer], indexing="ij"), axis=-1).reshape(-1, 3)
+    shapes = occupancy.field.nearest(grid.centres(cells)).indices
+    return [int(m) for m in shapes if m >= 0]
+
+
 def _inside(occupancy: Occupancy) -> str:
     """What the gap goes around."""
-    grid = occupancy.grid
-    rows, columns = (np.linspace(0, n - 1, min(n, 16)).astype(np.int64) for n in grid.shape[:2])
-    cells = np.stack(np.meshgrid(rows, columns, [0], indexing="ij"), axis=-1).reshape(-1, 3)
-    shapes = occupancy.field.nearest(grid.centres(cells)).indices
-    bodies = [occupancy.field.shapes[int(m)].body.split("::")[-1] for m in shapes if m >= 0]
+    field = occupancy.field
+    bodies = [field.shapes[m].body.split("::")[-1] for m in _along_layer(occupancy, 0)]
     return max(sorted(set(bodies)), key=bodies.count, default="axis")
 
 

@@ -15,7 +15,8 @@ of the line itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError
 from pips_drake.planning.grid_search import NoPathError, find_path
 from pips_drake.planning.occupancy import Occupancy
+from pips_drake.planning.path_classes import Surface
 from pips_drake.planning.quick_pull import pull_quickly
 from pips_drake.planning.sliding import Met, what_they_meet
 
@@ -158,13 +160,28 @@ def neighbours(
     *,
     clearance: float = 0.0,
 ) -> Neighbours:
-    """Whether the ways from two places on a line (N, 3) m slide into each other."""
+    """Whether the ways from two places on a line (N, 3) m slide into each other.
+
+    In unfolded coordinates, where no straight surface between them is clear, ways of one class
+    (`path_classes`) slide on a bent one, past all that classes know of: if nothing else is between.
+    """
     points, arcs = _checked(line, 2)
     between = points[(arcs > near.origin) & (arcs < far.origin)]
     start = _at(points, arcs, near.origin)
     longer = np.concatenate([start[None], between, far.path])
     met = what_they_meet(occupancy, near.path, longer, clearance=clearance)
+    if met is not None and occupancy.grid.unfolded:
+        surface = _surface(occupancy)
+        if surface.word(near.path) == surface.word(longer):
+            others = replace(occupancy, field=surface.others)
+            met = what_they_meet(others, near.path, longer, clearance=clearance)
     return Neighbours(near.origin, far.origin, near.path, longer, met)
+
+
+@lru_cache(maxsize=2)
+def _surface(occupancy: Occupancy) -> Surface:
+    """Found once for all pairs: an occupancy never changes."""
+    return Surface.of(occupancy)
 
 
 def _checked(line: ArrayLike, places: int) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Cylinder
+from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pips_drake.errors import InputError
@@ -16,7 +16,7 @@ from pips_drake.planning.grid_search import NoPathError, find_path
 from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.planner import PlannerSettings
 from pips_drake.planning.quick_pull import pull_quickly
-from pips_drake.planning.retraction import candidate_from, neighbours, retraction_point
+from pips_drake.planning.retraction import Candidate, candidate_from, neighbours, retraction_point
 from pips_drake.planning.sliding import can_slide, equal_shares, path_length, what_they_meet
 from pips_drake.planning.snake import make_snake
 from pips_drake.planning.snake_motion import settle
@@ -140,6 +140,23 @@ def test_an_arm_is_drawn_back_to_before_the_post_that_stands_between(one_post):
     assert passes(found.chosen.line) < -0.1
     assert passes(found.candidates[-1].line) > 0.1
     np.testing.assert_allclose(found.chosen.line[[0, -1]], [line[0], goal], rtol=0, atol=1e-12)
+
+
+def test_ways_of_one_class_slide_past_a_post_that_straight_surfaces_cut(one_post):
+    """Both on the post's right, one with a corner below it. A ball between them that leaves room
+    above itself keeps them apart: no class knows of it."""
+    start, goal = (-0.4, -0.2), (0.3, 0.5)
+    near = along_gap(start, (-0.2, 0.1), (-0.3, 0.3), goal)
+    far = along_gap(start, (0.3, -1.2), (-0.6, 0.4), goal)
+    assert what_they_meet(one_post, near, far).label == "post"
+    ball = PlacedShape("ball", "", Sphere(0.04), RigidTransform(at(-0.015, -0.7)))
+    with_ball = one_post.updated(one_post.field.with_shapes([ball]))
+    found = [
+        neighbours(room, far, Candidate(0.0, near, near), Candidate(0.0, far, far))
+        for room in (one_post, with_ball)
+    ]
+    assert found[0].same
+    assert found[1].met.label == "ball"
 
 
 def test_with_nothing_between_it_need_not_be_drawn_back():
