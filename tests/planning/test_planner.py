@@ -14,7 +14,7 @@ from pips_drake.errors import InputError
 from pips_drake.planning.grid import Grid
 from pips_drake.planning.grid_search import NoPathError
 from pips_drake.planning.occupancy import Occupancy
-from pips_drake.planning.planner import PlannerSettings, plan_to_goal
+from pips_drake.planning.planner import PlannerSettings, choose_route, plan_along, plan_to_goal
 from pips_drake.scene.packages import find_scene_file
 from pips_drake.scene.signed_distance import PlacedShape, read_distance_field
 from pips_drake.serpentine import kinematics
@@ -133,3 +133,46 @@ def test_leads_and_homes_that_mean_nothing_are_refused(arm, occupancy):
             plan_to_goal(
                 load_arm(name), occupancy, in_the_gap(90.0, 7.5), home_tip=[0.5, 0.0, 4.4425]
             )
+
+
+def test_a_given_route_is_laid_and_goes_through_its_nails(arm, occupancy):
+    goal, nail = in_the_gap(25.0, 3.5), in_the_gap(12.0, 1.8)
+    tip = np.array(HOME)
+    route = np.stack([tip + np.array([0.0, 0.0, 0.5]), goal])
+    made = plan_along(arm, occupancy.field, route, home_tip=HOME, nails=[nail])
+    assert made.found is None
+    assert made.plan.followable, made.plan.failures
+    # Nails are points of it; corners are rounded to within millimetres of their points.
+    assert np.abs(made.settled.snake.points - nail).max(axis=1).min() == 0.0
+    gap, _ = made.path.nearest(nail[None], 0.0, made.path.length)
+    assert gap[0] < 5e-3
+    assert_allclose(made.path.point(made.path.length), goal, rtol=0, atol=1e-12)
+    # The postures' own frame stands where the rail was placed.
+    assert_allclose(made.plan.path.point(0.0) + made.shift, made.path.point(0.0), atol=1e-12)
+
+
+def test_the_path_leaves_home_straight_and_arrives_along_a_wanted_direction(arm, occupancy):
+    goal = in_the_gap(25.0, 3.5)
+    route = np.stack([np.array(HOME) + np.array([0.0, 0.0, 0.5]), goal])
+    wanted = np.array([0.0, 0.0, 1.0])
+    angles = []
+    for direction in (None, wanted):
+        made = plan_along(arm, occupancy.field, route, home_tip=HOME, end_direction=direction)
+        begin = made.path.tangent(made.path.home_arc_length + 0.05)
+        assert begin @ wanted > math.cos(math.radians(5.0))
+        angles.append(math.acos(made.path.tangent(made.path.length) @ wanted))
+    assert angles[1] < 0.5 * angles[0]
+
+
+def test_routes_are_chosen_through_what_is_to_be_passed(arm, occupancy):
+    goal, nail = in_the_gap(25.0, 3.5), in_the_gap(-20.0, 2.0)
+    found, pulled = choose_route(arm, occupancy, goal, home_tip=HOME, nails=[nail])
+    straight, _ = choose_route(arm, occupancy, goal, home_tip=HOME)
+    assert found.length > straight.length + 0.3
+    for points in (found.points, pulled):
+        assert np.abs(points - nail).max(axis=1).min() == 0.0
+        assert_allclose(points[-1], goal, rtol=0, atol=0)
+    with pytest.raises(InputError, match=r"nail \(.*outside the workspace"):
+        choose_route(arm, occupancy, goal, home_tip=HOME, nails=[[9.0, 9.0, 9.0]])
+    with pytest.raises(InputError, match="route of shape"):
+        plan_along(arm, occupancy.field, [[0.0, 1.0]], home_tip=HOME)
