@@ -160,6 +160,7 @@ def _simulate_into(
             "real_time_rate": run.run_time.real_time_rate,
             "actuation_fidelity": scenario.actuation.fidelity,
             "faults": [dataclasses.asdict(fault) for fault in scenario.faults],
+            "cycle_returns": scenario.motion.retract,
             "cycle_time_s": run.station.GetSubsystemByName(
                 motion_names(setup.motion).source
             ).duration,

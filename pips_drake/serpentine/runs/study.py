@@ -136,6 +136,8 @@ def _task(study: StudyFile, scenario_file: Path, values: Mapping[str, Any]) -> d
     # A film is no result of a study, and the last joint is judged without the camera's share.
     scenario.camera.enabled = False
     arm = load_yaml(ArmFile, find_arm_file(scenario.arm, inside=folder))
+    if scenario.joints:
+        raise InputError(f"{scenario_file}: joints are given; a study varies an arm on a path")
     path_file = find_path_file(scenario.path, inside=folder)
     path_text = read_text(path_file)
     for name, text in changes.items():

@@ -20,10 +20,13 @@ from pips_drake.serpentine.motion_words import DONE
 from pips_drake.serpentine.runs.assessment import Assessment
 from pips_drake.serpentine.runs.check import check
 from pips_drake.serpentine.runs.run import run_station
+from pips_drake.serpentine.runs.scene_report import with_joint_motion_file
 from pips_drake.serpentine.runs.simulate import simulate
+from pips_drake.serpentine.runs.study import _task
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import load_setup, make_profile
 from pips_drake.serpentine.supervision import Mode
+from pips_drake.twin.study.study_file import StudyFile
 from pips_drake.twin.summary import versions
 
 PERIOD = 1.0 / 64.0
@@ -198,6 +201,25 @@ def test_the_joints_file_lies_inside_the_scenarios_folder(arm, aside, tmp_path):
     setup = load_setup(make_scenario(joints="m.csv"), folder=tmp_path)
     assert setup.motion.name == "m"
     np.testing.assert_array_equal(setup.motion.home, arm.joint_home)
+
+
+def test_a_long_motion_is_written_as_an_archive_that_reads_back(arm, tmp_path):
+    joints = np.tile(arm.joint_home, (6000, 1))
+    joints[:, 0] += np.linspace(0.0, 0.1, 6000)
+    motion = JointMotion(times=0.01 * np.arange(6000.0), joints=joints)
+    setup = load_setup(make_scenario(), joint_motion=motion)
+    written = with_joint_motion_file(make_scenario(), setup, tmp_path)
+    assert (written.joints, written.path) == ("joint_motion.npz", "")
+    again = load_setup(written, folder=tmp_path)
+    assert again.motion.version == setup.motion.version
+
+
+def test_a_study_varies_no_joints_that_are_given(arm, aside, tmp_path):
+    write_joint_motion(tmp_path / "m.csv", arm, aside)
+    (tmp_path / "run.yaml").write_text("machine: serpentine\njoints: m.csv\n")
+    study = StudyFile(scenario="run.yaml", vary=[], description="d")
+    with pytest.raises(InputError, match="joints are given; a study varies an arm on a path"):
+        _task(study, tmp_path / "run.yaml", {})
 
 
 @pytest.mark.slow
