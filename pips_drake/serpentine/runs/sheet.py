@@ -49,8 +49,8 @@ def write_run_sheet(
 def _lead(summary: Mapping[str, Any]) -> str:
     parts = [f"tip travel {summary['tip_travel_m']:.2f} m"]
     if "cycle_time_s" in summary:
-        words = "out, dwell and back" if summary.get("cycle_returns", True) else "out"
-        parts.append(f"{words} in {summary['cycle_time_s']:.0f} s")
+        way = "out, dwell and back" if summary.get("cycle_returns", True) else "out"
+        parts.append(f"{way} in {summary['cycle_time_s']:.0f} s")
     if summary.get("supervisor_mode", "permit") != "permit":
         words = {"hold": "held", "retract": "held and taken back", "stop": "stopped"}
         parts.append(f"{words[summary['supervisor_mode']]} by the supervisor")
