@@ -91,26 +91,37 @@ def check_common(occupancy, found):
     assert len({one.words for one in found}) == len(found)
 
 
-def test_a_bare_gap_has_a_way_on_either_side_and_ways_with_more_turns(bare):
+def check_turns(bare, turns):
     start, goal = at(0.0, -1.0), at(2.0, 1.5)
-    found = find_alternatives(bare, start, goal, count=3, longest=5.0)
+    found = find_alternatives(bare, start, goal, count=len(turns), longest=5.0)
     check_common(bare, found)
     radius = PAYLOAD + ARM
     tangent = math.sqrt(MIDDLE**2 - radius**2)
-    for one, turn in zip(found, (2.0, 2.0 * np.pi - 2.0, 2.0 * np.pi + 2.0), strict=True):
+    for one, turn in zip(found, turns, strict=True):
         arc = turn - 2.0 * math.acos(radius / MIDDLE)
         taut = math.hypot(2.0 * tangent + radius * arc, 2.5)
         # Strings are at most 5 % longer than taut ones, and never shorter but for their tolerance.
         assert taut - 1e-4 <= one.length <= 1.05 * taut
     assert found[0].length <= 1.05 * taut_length(start, goal)
     assert found[1].words == "around the payload the other way"
+    return found
+
+
+def test_a_bare_gap_has_a_way_on_either_side(bare):
+    check_turns(bare, (2.0, 2.0 * np.pi - 2.0))
+
+
+@pytest.mark.slow
+def test_a_bare_gap_has_ways_with_more_turns(bare):
+    """16 m around the payload: pulling takes its time."""
+    found = check_turns(bare, (2.0, 2.0 * np.pi - 2.0, 2.0 * np.pi + 2.0))
     assert found[2].words == "around the payload the same way, 1 turn more"
 
 
 def test_longest_and_count_say_how_many_come(bare):
     start, goal = at(0.0, -1.0), at(2.0, 1.5)
     assert len(find_alternatives(bare, start, goal, count=3, longest=1.2)) == 1
-    assert len(find_alternatives(bare, start, goal, count=2, longest=2.2)) == 2
+    assert len(find_alternatives(bare, start, goal, count=1, longest=2.2)) == 1
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.2])
@@ -166,11 +177,12 @@ def test_two_posts_make_four_classes_with_the_lengths_of_belts(bare):
     assert "on the other side of first and of second" in {one.words for one in found}
 
 
+@pytest.mark.slow
 def test_the_first_is_what_an_ordinary_search_finds(bare):
     rng = np.random.default_rng(5)
     posts = [post(f"post_{n}", a, z, 0.5, 0.5) for n, (a, z) in enumerate([(0.5, 0), (1.4, 0.8)])]
     occupancy = with_posts(bare, *posts)
-    for _ in range(2):
+    for _ in range(3):
         start, goal = at(rng.uniform(-0.5, 0.1), -1.5), at(rng.uniform(1.0, 2.0), 2.0)
         alone = find_path(occupancy, start, goal)
         pulled = pull(occupancy.field, alone.points, ARM)
