@@ -5,8 +5,9 @@
 
 Every run is a process of its own: planner, seed and goal (`benchmarks.insertion`). Its time is the
 processor's, so that other programs do not lengthen it, and holds everything behind the imports:
-reading the scene, planning, building the judge's plant, and certifying. Nothing is compiled in it;
-an uncounted run of ours before the first does that, and its last posture is given to the others.
+reading the scene, planning, building the judge's plant, and certifying. Ours is certified twice, by
+itself while it plans and by the judge, and both are counted. Nothing is compiled in a run; an
+uncounted one of ours before the first does that, and its last posture is given to the others.
 
 Each finished run is a line of the file. Started again, the benchmark leaves out those that it has.
 """

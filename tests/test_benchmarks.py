@@ -16,7 +16,7 @@ from benchmarks.report import BEGIN, END, markdown, put_into
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Measurements that nothing stands beside.
-ALONE = ("a_star_to_rest", "goal_moved", "goal_to_plan", "goal_to_certified")
+ALONE = ("a_star_to_rest", "goal_moved", "goal_to_certified", "files_to_certified")
 
 
 def _line(**other: object) -> Line:
@@ -116,8 +116,8 @@ def test_everything_is_measured_and_printed(quick, measured):
         "snake_sparse",
         "a_star_to_rest",
         "goal_moved",
-        "goal_to_plan",
         "goal_to_certified",
+        "files_to_certified",
         "help_drake",
         "help_nothing",
     ]
