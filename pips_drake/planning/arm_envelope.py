@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import SerpentineArm
-from pips_drake.serpentine.links import make_links
+from pips_drake.serpentine.links import collision_shapes
 
 Array = NDArray[np.float64]
 
@@ -61,8 +61,8 @@ class ArmEnvelope:
 def make_envelope(arm: SerpentineArm) -> ArmEnvelope:
     """The capsules around an arm's bodies, as the plant has them."""
     names, frames, starts, ends, radii = [], [], [], [], []
-    for j, link in enumerate(make_links(arm)[1:]):
-        for shape in link.collisions:
+    for j, body in enumerate(arm.bodies):
+        for shape in collision_shapes(arm, body):
             half, rounded = np.zeros(3), 0.0
             if shape.kind == "box":
                 half = 0.5 * shape.size
@@ -75,7 +75,7 @@ def make_envelope(arm: SerpentineArm) -> ArmEnvelope:
             along[k] = half[k]
             if shape.rotation is not None:
                 along = shape.rotation.apply(along)
-            names.append(link.name)
+            names.append(body.name)
             frames.append(j)
             starts.append(shape.centre - along)
             ends.append(shape.centre + along)

@@ -25,6 +25,7 @@ def run(*args, cwd):
     )
 
 
+@pytest.mark.slow
 def test_a_short_run_passes_draws_and_records_what_was_done(tmp_path):
     done = run("--seconds", "0.5", "--out", "tip.png", "--record", "did.yaml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 from pips_drake.planning.live_arm import LiveArm
 from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
 from pips_drake.serpentine import kinematics
-from pips_drake.serpentine.links import make_links
+from pips_drake.serpentine.links import collision_shapes
 
 #: The payload's surface and the wall's, m along x0; the arm's base line runs between them.
 PAYLOAD, WALL = 0.1, 0.72
@@ -54,8 +54,8 @@ def distance_of_bodies(arm, field, joints, shift=0.0):
     grid = np.stack(np.meshgrid(share, share, share), axis=-1).reshape(-1, 3)
     surface = grid[(np.abs(grid) == 1.0).any(axis=1)]
     points, radii = [], []
-    for j, link in enumerate(make_links(arm)[1:]):
-        for shape in link.collisions:
+    for j, body in enumerate(arm.bodies):
+        for shape in collision_shapes(arm, body):
             half = 0.5 * shape.size if shape.kind == "box" else np.zeros(3)
             here = shape.centre + (surface * half if shape.kind == "box" else np.zeros((1, 3)))
             points.append(here @ poses[j, :3, :3].T + poses[j, :3, 3] + [0.0, 0.0, shift])
