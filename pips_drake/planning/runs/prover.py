@@ -12,53 +12,52 @@ from pips_drake.serpentine.follow_the_leader import FollowTheLeader
 from pips_drake.serpentine.planned_motion import FollowedPath
 from pips_drake.serpentine.runs.placed_arm import PlacedArm, place_arm
 from pips_drake.serpentine.station import SerpentineSetup
-from pips_drake.twin.certificate.certify import certify_clearance
-from pips_drake.twin.motion_record import thin_out
+from pips_drake.twin.certificate.certify import Certifier
 
 Array = NDArray[np.float64]
 
-#: How near a proved clearance must come to one that is reached while paths are compared, m.
+#: How near a proved clearance must come to one that is reached, while it is less than enough, m.
 TOLERANCE = 1e-3
 
 
 class Prover:
-    """Asked by the planner what clearance a plan has (`feasible.Judge`).
+    """Asked by the planner what clearance a plan has (`attempts.Judge`).
 
-    The plant is made once, when it is asked first: the arm's rail stands where home is.
+    The plant is made once, when it is asked first: the arm's rail stands where home is. What is
+    proved is enough when it is the clearance that the scenario's checks ask for; the verdict's own
+    certificate says how much there is.
     """
 
     def __init__(self, scenario: PlannerScenario, workspace: Workspace) -> None:
         self._run = serpentine_scenario(scenario, path="planned")
         self._workspace = workspace
         self._placed: PlacedArm | None = None
+        self._certifier: Certifier | None = None
 
     def __call__(self, plan: GoalPlan) -> tuple[float, str]:
-        """Least proved clearance to the scene (m), and what comes so near."""
-        placed = self._placed or self._place(plan)
+        """A clearance to the scene that is proved (m), and what to say of too little."""
+        certifier = self._certifier or self._place(plan)
         joints = plan.plan.joints
         times = np.arange(len(joints), dtype=np.float64)
-        motion = thin_out(times, joints, np.arange(len(joints)))
-        found = certify_clearance(
-            placed.plant,
-            placed.scene_graph.model_inspector(),
-            [placed.model],
-            motion.positions,
-            motion.times,
+        found = certifier.certify(
+            joints,
+            times,
             tolerance=TOLERANCE,
-            deviation=motion.deviation,
+            enough=self._run.checks.clearance_min_mm * 1e-3,
+            own=False,
         ).scene
         if found is None:
             return np.inf, ""
         first, second = found.witness.bodies
         tip = float(np.interp(found.witness.time, times, plan.plan.solution.tip_arc_lengths))
-        point = plan.path.point(tip)
-        where = ", ".join(f"{x:.3f}" for x in point)
+        where = ", ".join(f"{x:.3f}" for x in plan.path.point(tip))
         return found.lower, (
-            f"{first} is proved to be no nearer than {found.lower * 1e3:.1f} mm to {second}, with "
-            f"the tip at {tip:.3f} m of the path ({where}) m"
+            f"{first} may come within {found.lower * 1e3:.1f} mm of {second} with the tip at "
+            f"{tip:.3f} m of the path ({where}) m; must be >= "
+            f"{self._run.checks.clearance_min_mm:g} mm"
         )
 
-    def _place(self, plan: GoalPlan) -> PlacedArm:
+    def _place(self, plan: GoalPlan) -> Certifier:
         solver = FollowTheLeader(self._workspace.arm)
         setup = SerpentineSetup(
             arm=self._workspace.arm,
@@ -67,5 +66,8 @@ class Prover:
             scene_file=self._workspace.scene_file,
             rail_shift=float(plan.shift[2]),
         )
-        self._placed = place_arm(self._run, setup)
-        return self._placed
+        placed = self._placed = place_arm(self._run, setup)  # held: the certifier looks into it
+        self._certifier = Certifier(
+            placed.plant, placed.scene_graph.model_inspector(), [placed.model]
+        )
+        return self._certifier
