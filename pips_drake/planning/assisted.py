@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 STEP = 0.01
 # Between postures at which the arm's clearance is looked at first, m.
 _CLEARANCE_STEP = 0.2
+_NO_SIDE = "no side was found to leave it on"
 # Between the user's path and the new one, so many points of each straight line.
 _BETWEEN = 17
 
@@ -57,6 +58,14 @@ class ImprovedPath:
     moved: float
     moved_at: Array
     same_side: bool
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why there is no good path, what blocks it first; empty if and only if there is one."""
+        if self.made.feasible:
+            return ()
+        blocked = tuple(words for words in self.crossed if words.endswith(_NO_SIDE))
+        return blocked + self.made.failures
 
 
 def improve_path(
@@ -175,7 +184,7 @@ def _left_aside(field: SignedDistanceField, words: str, shape: int, new: TipPath
     found = alone.nearest(new.point(s))
     k = int(np.argmin(found.distances))
     if found.distances[k] < 0.0:
-        return f"{words}; no side was found to leave it on"
+        return f"{words}; {_NO_SIDE}"
     side = ", ".join(f"{x + 0.0:.2f}" for x in np.round(found.gradients[k], 2))
     return f"{words}; the new one leaves it aside, passing on the side towards ({side})"
 

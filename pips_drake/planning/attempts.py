@@ -65,8 +65,8 @@ class Short:
     sentence: str
 
 
-#: Kinds that a plan's own sentences tell of.
-OF_JOINTS = ("posture", "hinge", "feed")
+#: Kinds of which a plan's own sentences say enough.
+TOLD = ("posture", "hinge")
 #: What is worse than any of the kinds behind it.
 KINDS = ("posture", "hinge", "feed", "clearance", "judge")
 

@@ -153,12 +153,13 @@ class PathWork:
             arcs = solution.spine_arc_lengths[row]
             at = float(arcs[max(0, (j + 2 - self._arm.spine_indices[0]) // 2)])
             name = self._arm.joint_names[j + 1]
-            sentence = self._joint_sentence(name, hinge / DEGREE, "deg", path, tips[row])
+            sentence = self._hinge_sentence(name, hinge / DEGREE, path, tips[row])
             return replace(tried, short=Short("hinge", -hinge, at, sentence))
         if feed < 0.0:
-            row = int(np.argmin(margins[:, 0]))
-            sentence = self._joint_sentence(
-                self._arm.joint_names[0], 1e3 * feed, "mm", path, tips[row]
+            there = float(self._arm.joint_upper[0] - solution.joints[0, 0])
+            sentence = (
+                f"the feed of {there:.4g} m is {-1e3 * feed:.3g} mm too short for the path, which "
+                f"is {path.length - path.home_arc_length:.4g} m long from home"
             )
             return replace(tried, short=Short("feed", -feed, path.length, sentence))
         return self._measured(tried, path, tips, judge)
@@ -279,11 +280,9 @@ class PathWork:
             return Short("posture", 0.0, failure.tip_arc_length, failure.sentence)
         return None
 
-    def _joint_sentence(
-        self, name: str, margin: float, unit: str, path: TipPath, tip: float
-    ) -> str:
-        """For attempts of which there is no fine plan, whose sentences say more."""
-        how = f"is {-margin:.3g} {unit} beyond its limit"
+    def _hinge_sentence(self, name: str, margin: float, path: TipPath, tip: float) -> str:
+        """For attempts of which there is no fine plan, whose sentences say more; margin in deg."""
+        how = f"is {-margin:.3g} deg beyond its limit"
         if margin >= 0.0:
-            how = f"comes within {margin:.3g} {unit} of its limit"
+            how = f"comes within {margin:.3g} deg of its limit"
         return f"joint {name} {how}, with the tip {tip - path.home_arc_length:.4g} m from home"

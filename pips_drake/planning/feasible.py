@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from pips_drake.errors import InputError
 from pips_drake.planning.arm_clearance import ClearanceBound
-from pips_drake.planning.attempts import OF_JOINTS, SHARES, Attempt, Judge, Tried, Weights
+from pips_drake.planning.attempts import SHARES, TOLD, Attempt, Judge, Tried, Weights
 from pips_drake.planning.bending import PathWork
 from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.planner import GoalPlan, PlannerSettings, choose_route
@@ -166,7 +166,7 @@ def make_feasible(
     best = min(tried, key=lambda one: one.badness)
     plan = best.plan or work.plan_of(best.laid)
     failures = list(plan.plan.failures)
-    if best.short and not (failures and best.short.kind in OF_JOINTS):
+    if best.short and not (failures and best.short.kind in TOLD):
         failures.append(best.short.sentence)
     # What is gained on one limit is lost on another: say so.
     others = [one for one in tried if best.short and one.short and one.kind != best.kind]

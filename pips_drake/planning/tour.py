@@ -106,6 +106,16 @@ class Tour:
         object.__setattr__(self, "_solver", FollowTheLeader(self.arm))
 
     @property
+    def feasible(self) -> bool:
+        """Whether all goals are there and good."""
+        return not self.failures
+
+    @property
+    def shift(self) -> Array:
+        """Where the arm's frame {0} stands in frame_0, (3,) m: the same for all legs."""
+        return self.legs[0].made.best.shift
+
+    @property
     def tip_travel(self) -> float:
         """How far the tip goes, out and back, m."""
         return sum(abs(last - first) for _, first, last in self.strokes())

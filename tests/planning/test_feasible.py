@@ -129,6 +129,14 @@ def test_the_arm_that_is_too_short_for_the_way_is_told_both_lengths(arm, occupan
         plan_feasibly(arm, occupancy, in_the_gap(180.0, 8.8), home_tip=HOME, margin=MARGIN)
 
 
+def test_a_path_that_needs_a_little_more_feed_than_there_is_says_how_much(arm, occupancy):
+    found = plan_feasibly(arm, occupancy, in_the_gap(0.0, 8.75), home_tip=HOME, margin=MARGIN)
+    assert not found.feasible
+    assert "joint d1 leaves its limits" in found.failures[0]
+    assert "the feed of 8.89 m is" in found.failures[1]
+    assert "mm too short for the path" in found.failures[1]
+
+
 def test_a_start_in_collision_is_refused(arm, occupancy):
     block = PlacedShape("block", "", Box(0.4, 0.4, 0.1), RigidTransform([0.41, 0.0, 4.3]))
     near = PlacedShape("block", "", Box(0.4, 0.4, 0.1), RigidTransform([0.7, 0.0, 4.3]))
