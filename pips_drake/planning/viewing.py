@@ -4,7 +4,9 @@ The camera looks along the last link. That link is a chord of the path: it lies 
 direction at the goal if the path's last piece, of the link's length, is straight along it. So the
 path goes to an approach point, that much before the goal, and straight on from there; the snake's
 points on that piece are nailed down (`nail_tail`), and no force of obstacles, tension or stiffness
-turns the tip.
+turns the tip. Where the path's corner at the approach point is rounded, the piece must be longer by
+what that takes: with CMU-92's arm in the cargo bay the last link is half a degree off without, and
+not at all with a decimetre more.
 
 The piece must be clear for the arm. Where it is not, the nearest direction for which it is says how
 far off the arm looks at best. In a gap of width w between parallel walls, a link of length l whose

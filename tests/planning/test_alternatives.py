@@ -19,7 +19,12 @@ from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.path_classes import Surface, reduced
 from pips_drake.planning.sliding import path_length
 from pips_drake.planning.string_pull import pull
-from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
+from pips_drake.scene.packages import find_scene_file
+from pips_drake.scene.signed_distance import (
+    PlacedShape,
+    SignedDistanceField,
+    read_distance_field,
+)
 
 from .gap import ARM, FACE, PAYLOAD, bare_gap, taut_length
 
@@ -242,6 +247,32 @@ def test_in_a_room_a_pillar_and_a_floating_box_are_passed_on_all_their_sides():
         axis = int(np.argmax(np.abs(off)))
         sides.add((axis, np.sign(off[axis])))
     assert len(sides) == 4
+
+
+@pytest.mark.slow
+def test_in_the_cargo_bay_a_trunnion_is_passed_on_its_other_side():
+    """The goal is right behind it, seen from the port."""
+    bay = Grid(
+        lower=np.array([4.4, -np.pi, 1.5]),
+        upper=np.array([14.0, np.pi, 2.28]),
+        shape=(96, 128, 8),
+        unfolded=True,
+        origin=np.array([-1.621, 0.0, 0.0]),
+    )
+    occupancy = Occupancy.of(read_distance_field(find_scene_file("cargo_bay")), bay, 0.12)
+    start, goal = np.array([0.412877, 0.0, 4.9425]), np.array([-1.621, 2.034, 12.2])
+    found = find_alternatives(occupancy, start, goal, count=2)
+    assert [one.words for one in found] == ["the shortest way", "on the other side of trunnion_1"]
+    trunnion = next(s for s in occupancy.field.shapes if s.name == "trunnion_1").X_WG.translation()
+    origin = bay.arrays.origin
+    middle = math.atan2(trunnion[1], trunnion[0] - origin[0])
+    sides = []
+    for one in found:
+        local = one.pulled - origin
+        around = np.unwrap(np.arctan2(local[:, 1], local[:, 0]))
+        sides.append(np.sign(np.interp(trunnion[2], local[:, 2], around) - middle))
+        pull(occupancy.field, one.pulled, 0.12)  # refuses what is not clear
+    assert sides == [-1.0, 1.0]
 
 
 def test_what_cannot_be_chosen_from_is_refused(bare):

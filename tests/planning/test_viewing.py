@@ -14,11 +14,22 @@ from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.planning.grid import Grid
 from pips_drake.planning.line_of_sight import is_clear
 from pips_drake.planning.occupancy import Occupancy
+from pips_drake.planning.planner import PlannerSettings
 from pips_drake.planning.potential_field import Repulsion
-from pips_drake.planning.snake import SnakeSettings, make_snake
+from pips_drake.planning.snake import SnakeSettings, make_snake, nail
 from pips_drake.planning.snake_motion import settle
 from pips_drake.planning.viewing import approach_along, find_viewing_path, look_angle, nail_tail
-from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
+from pips_drake.scene.packages import find_scene_file
+from pips_drake.scene.signed_distance import (
+    PlacedShape,
+    SignedDistanceField,
+    read_distance_field,
+)
+from pips_drake.serpentine import kinematics
+from pips_drake.serpentine.anchoring import anchor_path
+from pips_drake.serpentine.arm import load_arm
+from pips_drake.serpentine.plan import make_plan
+from pips_drake.serpentine.tip_path import blended_path
 
 from .gap import ARM, FACE, bare_gap
 
@@ -114,6 +125,42 @@ def test_a_look_between_plates_uses_all_the_room():
     )
     assert view.off == pytest.approx(0.5 * math.pi - math.asin(0.1 / LINK), abs=3e-4)
     assert view.blocked_by == "plate_1"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("spare", "degrees"), [(0.0, 1.0), (0.1, 1e-6)])
+def test_the_arms_last_link_looks_there_when_it_follows_the_leader(spare, degrees):
+    """In the bay, 45 deg across the gap: what the path's rounding takes of the piece is missing."""
+    arm = load_arm("cmu_92")
+    grid = Grid(
+        lower=np.array([4.4, -math.pi, 1.5]),
+        upper=np.array([14.0, math.pi, 2.28]),
+        shape=(96, 128, 8),
+        unfolded=True,
+        origin=np.array([-1.621, 0.0, 0.0]),
+    )
+    field = read_distance_field(find_scene_file("cargo_bay"))
+    occupancy = Occupancy.of(field, grid, 0.12)
+    goal, tip, lead = [-1.621, 2.034, 12.2], [0.412877, 0.0, 4.4425], [0.412877, 0.0, 4.9425]
+    link = float(arm.average_module_length[-1])
+    view = approach_along(field, goal, [-1.0, 0.0, 1.0], length=link + spare, radius=0.12)
+    assert view.off == 0.0
+    settings = PlannerSettings()
+    path = np.vstack([tip, find_viewing_path(occupancy, lead, view)])
+    snake = nail_tail(nail(make_snake(path, settings.snake), lead), view)
+
+    def distances(points):
+        return field.blended(points, blend=settings.blend, within=settings.repulsion.reach)
+
+    settled = settle(snake, distances, settings.repulsion)
+    base = np.array(tip) - [0.0, 0.0, arm.average_module_length.sum()]
+    points = np.vstack([base, settled.snake.points])
+    plan = make_plan(arm, anchor_path(arm, blended_path(points, "looking"))[0])
+    assert plan.followable, plan.failures
+    spine = kinematics.spine_points(arm, plan.joints)[-1]
+    last = (spine[-1] - spine[-2]) / np.linalg.norm(spine[-1] - spine[-2])
+    off = math.degrees(math.atan2(np.linalg.norm(np.cross(last, view.wanted)), last @ view.wanted))
+    assert off <= degrees
 
 
 def test_what_cannot_be_looked_at_is_refused(room):
