@@ -21,7 +21,7 @@ def draw_coverage(axes: Axes, coverage: ScanCoverage, *, track: ArrayLike | None
         track: where the tip went, (K, 3) m in the world.
     """
     from matplotlib.colors import ListedColormap
-    from matplotlib.patches import Patch
+    from matplotlib.patches import Patch, Rectangle
 
     looks = (
         ("#f1efe9", "not seen"),
@@ -46,6 +46,10 @@ def draw_coverage(axes: Axes, coverage: ScanCoverage, *, track: ArrayLike | None
         vmax=len(looks) - 0.5,
         interpolation="nearest",
     )
+    # What is white beyond it belongs to no target.
+    (low, high), wide = target.along, degrees[1] - degrees[0]
+    frame = Rectangle((low, degrees[0]), high - low, wide, fill=False, edgecolor="#5a6270")
+    axes.add_patch(frame)
     handles: list[Any] = [
         Patch(facecolor=color, edgecolor="#8b8f96", label=label)
         for k, (color, label) in enumerate(looks)

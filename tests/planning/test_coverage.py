@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -172,9 +173,10 @@ def test_views_are_turned_as_the_twins_camera_is():
         )
 
 
-@pytest.mark.parametrize("name", ["cmu_92", "prototype"])
+@pytest.mark.parametrize("name", ["cmu_92", "prototype", "mirrored"])
 def test_pan_and_tilt_turn_the_view_to_the_nearest_point_as_far_as_they_go(name):
-    arm = load_arm(name)
+    mirrored = name == "mirrored"
+    arm = replace(load_arm("prototype" if mirrored else name), mirrored=mirrored)
     rng = np.random.default_rng(5)
     q = arm.joint_home + rng.uniform(-0.2, 0.2, (12, arm.joints))
     q[:, 0] = arm.joint_home[0] + 0.5

@@ -15,6 +15,7 @@ from pips_drake.planning.grid import Grid
 from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.scan_leader import APPROACH, CHANGE, DETOUR, SCAN
 from pips_drake.planning.scan_motion import ScanSettings, camera_lag, plan_scan
+from pips_drake.planning.scan_route import route_around
 from pips_drake.planning.scan_target import CylinderTarget, ScanCamera
 from pips_drake.planning.scanning import helix, pattern_of_points, raster
 from pips_drake.scene.packages import find_scene_file
@@ -213,6 +214,28 @@ def test_a_scan_ends_where_the_arm_is_too_short_and_says_so(arm, occupancy):
     lag = camera_lag(arm, CAMERA, found.pattern.standoff)
     assert last[2] - HOME[2] == pytest.approx(350 * 0.0254 + lag, abs=0.12)
     assert 0.0 < found.coverage.share < 1.0
+
+
+def test_what_no_way_leads_to_is_left_out_and_said(occupancy):
+    disc = PlacedShape("wall", "", Cylinder(2.4, 0.04), RigidTransform([AXIS[0], 0.0, 7.0]))
+    walled = occupancy.updated(occupancy.field.with_shapes([disc]))
+    pattern = lines((6.5, 7.5), (-10.0, 10.0), lines="along")
+    route = route_around(pattern, walled, base=HOME)
+    beyond = pattern.points[:, 2] > 7.0
+    assert (route.cut == (beyond & ~route.refused)).all()
+    assert route.blockers.keys() == {"wall"}
+    # Half a wall's thickness and the arm's radius to either side of it.
+    assert (route.refused == (np.abs(pattern.points[:, 2] - 7.0) < 0.02 + 0.12)).all()
+    assert (route.rows[route.rows >= 0] == np.flatnonzero(~route.refused & ~beyond)).all()
+    assert "no way leads there" in route.sentences()[-1]
+
+
+def test_any_surface_is_scanned_point_by_point_without_a_target(arm, occupancy):
+    pattern = pattern_of_points([[0.41, -0.3, 6.6], [0.41, 0.3, 6.6]], field=occupancy.field)
+    found = scan(arm, occupancy, pattern)
+    assert found.reached.all()
+    assert found.coverage is None
+    assert found.poses is None
 
 
 def test_what_cannot_be_scanned_is_refused(arm, occupancy):
