@@ -55,6 +55,8 @@ CHECK_LINES: tuple[Line, ...] = (
 )
 PLAN_LINES: tuple[Line, ...] = (
     ("tip_travel_m", "way of the tip", 1, "m"),
+    ("scan_reached_share", "pattern, reached", 100, "%"),
+    ("coverage_share", "surface, seen", 100, "%"),
     *_CLEARANCE_LINES,
     *_PLAN_LINES,
     *_DRIVE_LINES,
@@ -83,6 +85,11 @@ def report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False) 
     binding = summary.get("motion_binding_limits_s")
     if binding and lines is CHECK_LINES:
         print(f"  {'held back by':<40}{_shares(binding)}")
+    for way in summary.get("alternatives", ()):
+        chosen = "taken" if way["choose"] == summary["alternative_chosen"] else "left"
+        print(f"  way {way['choose']}, {chosen:<33}{way['length_m']:.4g} m: {way['words']}")
+    for note in summary.get("notes", ()):
+        print(f"  note: {note}")
     if summary.get("rail_shift_m"):
         inches = summary["rail_shift_m"] / 0.0254
         print(f"  re-anchored: the rail stands {inches:+.2f} in along z0: the path begins home")

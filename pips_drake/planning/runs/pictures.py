@@ -30,12 +30,14 @@ def write_views(
     file: Path, name: str, scenario: PlannerScenario, workspace: Workspace, planned: Planned
 ) -> None:
     """Draws what was planned, and what was not taken, in three views."""
+    # What a scan's tip did begins with the way there.
+    plans = planned.plans if planned.scan is None else ()
     paths = [
         ViewedPath(
             points=one.path.point(one.path.samples(_SPACING)),
             label=_label(scenario, number, len(planned.plans)),
         )
-        for number, one in enumerate(planned.plans)
+        for number, one in enumerate(plans)
     ]
     if planned.scan is not None:
         paths.append(ViewedPath(points=planned.scan.tips, label="tip while it scans"))
@@ -64,7 +66,8 @@ def write_coverage(file: Path, planned: Planned) -> None:
         return
     with figure_style():
         figure = new_figure(height=4.5)
-        draw_coverage(figure.subplots(), planned.scan.coverage, track=planned.scan.tips)
+        track = planned.scan.tips[planned.scan.rows >= 0]
+        draw_coverage(figure.subplots(), planned.scan.coverage, track=track)
         save_figure(figure, file)
 
 

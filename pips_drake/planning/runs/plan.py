@@ -69,6 +69,7 @@ def plan(
         write_views(partial / "figures" / "views.png", name, scenario, workspace, planned)
         summary |= planned.numbers | {
             "scenario": name,
+            "notes": list(planned.notes),
             "planning_wall_s": planned.wall_s,
             "verdict": "fail" if failures else "pass",
             "failures": failures,

@@ -15,6 +15,7 @@ from pips_drake.planning.scan_target import CylinderTarget, ScanCamera
 from pips_drake.planning.scanning import ScanPattern, helix, raster, read_pattern
 from pips_drake.planning.scenario import PlannerScenario
 from pips_drake.scene.packages import find_path_file
+from pips_drake.serpentine.joint_motion_pacing import paced
 from pips_drake.serpentine.scenario import CameraConfig
 
 
@@ -66,7 +67,8 @@ def plan_surface(
             )
     return Planned(
         plans=(found.approach,),
-        motion=found.motion,
+        # Its rows are timed by speeds alone: the arm would ring where these jump.
+        motion=paced(workspace.arm, found.motion),
         scan=found,
         failures=tuple(failures),
         notes=found.notes,

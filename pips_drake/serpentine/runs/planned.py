@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 #: Joints are drawn at so many instants.
 _DRAWN = 2001
+# Joints that bend by less from one update to the next go straight but for roundings, m and rad.
+_STRAIGHT = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,8 +114,11 @@ def planned_knots(scenario: SerpentineScenario, setup: SerpentineSetup) -> Recor
     if not isinstance(setup.motion, GivenJoints):
         return certified.commanded_motion(scenario, setup, make_profile(scenario, setup))
     times, joints = given_joints_at_updates(scenario, setup.motion)
-    stride = -(-len(times) // certified.MOST_KNOTS)
-    knots = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
+    # Between rows the joints move on straight lines: only where these bend, knots are needed.
+    bends = np.abs(np.diff(joints, n=2, axis=0)).max(axis=1, initial=0.0) > _STRAIGHT
+    knots = np.flatnonzero(np.concatenate([[True], bends, [True]]))
+    stride = -(-len(knots) // certified.MOST_KNOTS)
+    knots = np.unique(np.append(knots[::stride], len(times) - 1))
     return thin_out(times, joints, knots)
 
 
