@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError
 from pips_drake.twin.output_folder import write_whole
 from pips_drake.twin.rendering import FIELD_OF_VIEW
+from pips_drake.twin.replay_panel import ReplayPanel, panel_html
 from pips_drake.twin.seen_figure import ColoredPatches
 
 if TYPE_CHECKING:
@@ -173,6 +174,7 @@ class Replay:
         speed: float = SPEED,
         bookmarks: Sequence[Bookmark] = (),
         phases: Mapping[str, float] | None = None,
+        panel: ReplayPanel | None = None,
     ) -> None:
         """Writes the page.
 
@@ -184,6 +186,7 @@ class Replay:
             speed: simulated seconds a second of watching; the page offers others.
             bookmarks: moments to jump to.
             phases: when each begins, s, by name, in order; marked on the time slider.
+            panel: a flat view below.
         """
         from pydrake.geometry import Meshcat
 
@@ -197,6 +200,7 @@ class Replay:
             note=f"<br>{html.escape(note)}" if note else "",
             data=_page_data(duration, start, speed, bookmarks, phases),
         )
+        controls += panel_html(panel, start) if panel is not None else ""
         page = self._meshcat.StaticHtml()
         page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>")
         body, end, rest = page.rpartition("</body>")
@@ -322,6 +326,7 @@ def write_replay(
     speed: float = SPEED,
     bookmarks: Sequence[Bookmark] = (),
     phases: Mapping[str, float] | None = None,
+    panel: ReplayPanel | None = None,
 ) -> None:
     """Writes the recorded motion of a model as a page; about 4 MB.
 
@@ -340,6 +345,7 @@ def write_replay(
         speed: simulated seconds a second of watching; the page offers others.
         bookmarks: moments to jump to.
         phases: when each begins, s, by name, in order; marked on the time slider.
+        panel: a flat view below.
     """
     recorded = np.asarray(time, dtype=np.float64)
     motions = {
@@ -376,4 +382,5 @@ def write_replay(
         speed=speed,
         bookmarks=bookmarks,
         phases=phases,
+        panel=panel,
     )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.planning.arm_clearance import arm_bodies
@@ -159,28 +160,44 @@ def blocked_bodies(occupancy: Occupancy) -> tuple[NDArray[np.int64], NDArray[np.
     return np.where(less, nearest, -1), full
 
 
-def unfolded_line(grid: Grid, points: ArrayLike) -> Array:
+def unfolded_picture(occupancy: Occupancy) -> Array:
+    """Red, green and blue of an unfolded workspace, (around, along, 3): what takes room, and where.
+
+    Bodies' colours stand where they leave no room, and pale where they leave less than there is
+    elsewhere.
+    """
+    bodies, full = blocked_bodies(occupancy)
+    picture = np.ones((*bodies.shape, 3))
+    for k in range(len(occupancy.field.bodies)):
+        color = np.array(to_rgb(BODY_COLORS[k % len(BODY_COLORS)]))
+        picture[(bodies == k) & full] = color
+        picture[(bodies == k) & ~full] = 1.0 - 0.35 * (1.0 - color)
+    return picture.swapaxes(0, 1)
+
+
+def unfolded_line(grid: Grid, points: ArrayLike, *, parts: int = 20) -> Array:
     """A line in the world (N, 3) m as (along m, around deg), (M, 2), NaN where it leaves the seam.
 
-    Straight in the world is not straight here: each part is drawn as 20.
+    Straight in the world is not straight here: each piece is drawn in so many parts.
     """
     p = np.asarray(points, dtype=np.float64)
     fine = np.concatenate(
-        [a + np.linspace(0.0, 1.0, 21)[:-1, None] * (b - a) for a, b in pairwise(p)]
+        [a + np.linspace(0.0, 1.0, parts + 1)[:-1, None] * (b - a) for a, b in pairwise(p)]
     )
     along, around, _ = grid.from_world(np.vstack([fine, p[-1:]])).T
     line = np.column_stack([along, np.degrees(around)])
     seams = np.flatnonzero(np.abs(np.diff(line[:, 1])) > 180.0)
-    parts = []
+    pieces: list[Array] = []
     first = 0
     for seam in seams:
         # Both ends go on to the seam, and a gap stands between them.
         turn = math.copysign(360.0, line[seam + 1, 1] - line[seam, 1])
         beyond = line[seam + 1] - [0.0, turn]
         before = line[seam] + [0.0, turn]
-        parts += [line[first : seam + 1], [beyond], [[np.nan, np.nan]], [before]]
+        gap = np.full(2, np.nan)
+        pieces += [line[first : seam + 1], np.vstack([beyond, gap, before])]
         first = int(seam) + 1
-    return np.concatenate([*parts, line[first:]])
+    return np.concatenate([*pieces, line[first:]])
 
 
 def unfolded_polygons(grid: Grid, corners: Array) -> list[Array]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.planning.occupancy import Occupancy
@@ -19,10 +18,10 @@ from pips_drake.planning.runs.outlines import (
     BODY_COLORS,
     DrawnShape,
     arm_corners,
-    blocked_bodies,
     drawn_shapes,
     polygon,
     unfolded_line,
+    unfolded_picture,
     unfolded_polygons,
     unfolding,
 )
@@ -272,15 +271,9 @@ def _draw_flat(axes: Axes, scene: _Scene, plane: tuple[int, int], title: str) ->
 def _draw_unfolded(axes: Axes, scene: _Scene, unfolded: Occupancy) -> None:
     """The gap flat: along it to the right, around it upwards."""
     grid = unfolded.grid
-    bodies, full = blocked_bodies(unfolded)
-    picture = np.ones((*bodies.shape, 3))
-    for k in range(len(unfolded.field.bodies)):
-        color = np.array(to_rgb(BODY_COLORS[k % len(BODY_COLORS)]))
-        picture[(bodies == k) & full] = color
-        picture[(bodies == k) & ~full] = 1.0 - 0.35 * (1.0 - color)
     degrees = np.degrees([grid.lower[1], grid.upper[1]])
     axes.imshow(
-        picture.swapaxes(0, 1),
+        unfolded_picture(unfolded),
         origin="lower",
         extent=(grid.lower[0], grid.upper[0], *degrees),
         aspect="auto",

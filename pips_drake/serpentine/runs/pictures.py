@@ -38,6 +38,7 @@ from pips_drake.twin.rendering import (
     save_png,
 )
 from pips_drake.twin.replay import Bookmark, LineInSpace, write_replay
+from pips_drake.twin.replay_panel import ReplayPanel
 from pips_drake.twin.seen_figure import ColoredPatches
 
 Array = NDArray[np.float64]
@@ -270,6 +271,7 @@ def write_run_replay(
     phases: Mapping[str, float] | None = None,
     note: str = "",
     seen: ColoredPatches | None = None,
+    panel: ReplayPanel | None = None,
 ) -> None:
     """Writes recorded joints (N, joints) m and rad at times (N,) s as a 3-D page with the path.
 
@@ -279,6 +281,7 @@ def write_run_replay(
         bookmarks, phases: see `run_bookmarks` and `run_phases`.
         note: below the title.
         seen: coloured patches of what the camera has seen.
+        panel: a flat view below.
     """
     diagram, plant, scene_graph, model = _make_posed(
         scenario, setup, rendered=False, fidelity="joint" if legs is None else "truss"
@@ -308,6 +311,7 @@ def write_run_replay(
         lines=[LineInSpace(name="tip path", points=(X_W0 @ setup.motion.line.T).T)],
         bookmarks=bookmarks,
         phases=phases,
+        panel=panel,
     )
 
 
