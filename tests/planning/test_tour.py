@@ -22,7 +22,11 @@ from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField, r
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
+from pips_drake.serpentine.runs.placed_arm import place_arm
+from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.station import load_setup
 from pips_drake.serpentine.tip_path import PathBuilder, blended_path
+from pips_drake.twin.clearance import ClearanceQuery
 
 from .test_planner import AXIS_X, HOME, in_the_gap
 
@@ -212,3 +216,22 @@ def test_what_means_nothing_is_refused(arm, occupancy, tour):
             tour.joint_motion(**(good | given))
     with pytest.raises(InputError, match="tour without a leg"):
         Tour(arm=arm, legs=(), failures=()).joint_motion(**good)
+
+
+@pytest.mark.slow
+def test_the_engine_finds_no_collision_anywhere_on_the_tour(tour, motion, tmp_path):
+    file = tmp_path / "planned.csv"
+    points = tour.legs[0].made.best.points
+    np.savetxt(file, points, delimiter=",", header="x_m,y_m,z_m", comments="")
+    scenario = SerpentineScenario(
+        arm="cmu_92", path=str(file), scene="cargo_bay", mounting="laboratory"
+    )
+    placed = place_arm(scenario, load_setup(scenario))
+    query = ClearanceQuery(placed.plant, [placed.model], max_distance=0.1)
+    postures = motion.at(np.linspace(0.0, motion.duration, 120))
+    scene, own = np.transpose(
+        [[pair.distance for pair in query.least(posed)] for posed in placed.posed(postures)]
+    )
+    # The engine's distances are good to a millimetre; the planner's bound is a lower one.
+    assert scene.min() > min(leg.made.clearance.lower for leg in tour.legs) - 1e-3
+    assert own.min() > 0.0
