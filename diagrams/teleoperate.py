@@ -211,8 +211,9 @@ def draw(log: _Log, field: object, file: Path) -> None:
         label="commanded arm (bound, as close as need be)",
     )
     left.axhline(1e3 * log.live.settings.clearance, color="C3", ls="--", label="must be kept")
-    left.set(xlabel="time (s)", ylabel="clearance (mm)", ylim=(0.0, None))
-    left.legend(loc="best")
+    most = 1.3e3 * max(*log.clearances, *log.bounds)
+    left.set(xlabel="time (s)", ylabel="clearance (mm)", ylim=(0.0, most))
+    left.legend(loc="upper center", ncols=3)
     figure.savefig(file, dpi=110)
     plt.close(figure)
 

@@ -6,13 +6,16 @@ out or back, and the arm is fitted anew. What comes out is safe because nothing 
 posture is accepted only if
 
 - follow-the-leader has a solution and every joint is within its limits,
-- every body's capsule keeps `clearance` from every obstacle (`arm_envelope`, a bound), and
-- no drive goes faster than its limit, from the posture before.
+- every body's capsule keeps `clearance` from every obstacle (`arm_envelope`, a bound),
+- no drive goes faster than its limit, from the posture before, and
+- no body goes farther than `clearance`.
 
 Otherwise the tip stays, or the snake does, or both: then the arm keeps its last posture, which was
-accepted. A tick that asks too much of a drive is scaled down. Between two accepted postures no body
-goes farther than `shift_speed + tip_speed` times the period, so that half of that is what clearance
-can be short of in between; `clearance` is to be the larger.
+accepted. A tick that asks too much is scaled down. Between two accepted postures joints go
+straight, and a point of a body is no farther from where it is in one of them than half of the way
+between (but for what its body turns on that way, which is less than a hundredth of it): so between
+ticks, clearance is short of `clearance` by half of a tick's motion, some 2 mm at the default
+speeds, and by half of itself at most.
 
 A snake that moves while the arm cannot be fitted onto it waits, and the tip comes back along the
 present one until it can (section 3.5.1). That there is a way back is looked at before the snake is
@@ -310,12 +313,16 @@ class LiveArm:
             if most > max(1.0 - _RESERVE, bend):
                 return judged(Refusal.JOINT_LIMIT)
             bend = most
+        axes = self._envelope.axes(arm, joints[0], self._shift)
         if before is not None:
             drives = drives_from_joints(arm, np.stack([before.joints, joints[0]]))
             excess = float((np.abs(drives[1] - drives[0]) / self._reach).max())
+            went = np.stack(axes) - self._envelope.axes(arm, before.joints, self._shift)
+            farthest = float(np.linalg.norm(went, axis=-1).max())
+            excess = max(excess, farthest / self.settings.clearance)
             if excess > 1.0:
                 return judged(Refusal.TOO_FAST)
-        clearance = self.clearance(joints[0])
+        clearance = self._bound(*axes)
         near = clearance < self.settings.clearance
         if moved and not near:
             near = self.clearance(joints[len(tips) // 2]) < self.settings.clearance
@@ -326,10 +333,12 @@ class LiveArm:
 
         It is no better than `settings.clearance` asks for.
         """
-        first, last = self._envelope.axes(self.arm, joints, self._shift)
-        return clearance_bound(
-            self.obstacles, first, last, self._envelope.radii, enough=self.settings.clearance
-        )
+        return self._bound(*self._envelope.axes(self.arm, joints, self._shift))
+
+    def _bound(self, first: Array, last: Array) -> float:
+        """The same, from both ends of the capsules' axes (B, 3) m."""
+        enough = self.settings.clearance
+        return clearance_bound(self.obstacles, first, last, self._envelope.radii, enough=enough)
 
     def _path_along(self, points: Array) -> TipPath:
         base = points[0] - self._length * self._along

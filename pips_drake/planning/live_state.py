@@ -27,7 +27,8 @@ class Refusal(IntEnum):
     JOINT_LIMIT = 2
     #: Follow-the-leader has no solution.
     NOT_FITTED = 3
-    #: A drive would have to go faster than it can, even at a part of the move.
+    #: A drive would have to go faster than it can, or a body farther than it may, even at a part
+    #: of the move.
     TOO_FAST = 4
 
 

@@ -15,6 +15,7 @@ from pips_drake.planning.live_state import LiveArmSettings, Refusal
 from pips_drake.planning.potential_field import Repulsion
 from pips_drake.scene.packages import find_scene_file
 from pips_drake.scene.signed_distance import read_distance_field
+from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.drives import drive_limits, drives_from_joints
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
@@ -112,6 +113,14 @@ def between(postures, every, parts):
     return ways.reshape(-1, postures.shape[1])
 
 
+def kept_between(live, postures):
+    """Between ticks clearance is short of what is kept by half of a tick's motion at most, m."""
+    joints = kinematics.frames(live.arm, postures)[..., :3, 3]
+    farthest = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max()
+    assert 1e-3 < farthest <= live.settings.clearance
+    return live.settings.clearance - 0.5 * farthest
+
+
 #: Obstacles that hardly repel: the snake goes where it is pulled, and only the arm is held back.
 UNREPELLED = replace(
     QUICK,
@@ -128,8 +137,7 @@ def test_an_operator_who_means_harm_does_none(arm):
     assert np.ptp(postures[:, 0]) > 0.01
     assert np.ptp(postures[:, 3:], axis=0).max() > 0.05
     assert Refusal.TOO_NEAR in refusals
-    # Between ticks it is short of its clearance by half of what it moves in one at most.
-    allowed = live.settings.clearance - 0.5 * (0.09 + 0.2) / 32.0
+    allowed = kept_between(live, postures)
     seen = min(distance_of_bodies(arm, live.obstacles, q) for q in between(postures, 10, 2))
     assert allowed <= seen < 0.12
 
@@ -158,7 +166,7 @@ def test_thousands_of_ticks_of_harm_in_the_bay_by_drakes_own_distances(arm, seed
     scenario = SerpentineScenario(arm="cmu_92", path="live", mounting="laboratory")
     placed = place_arm(scenario, setup)
     query = ClearanceQuery(placed.plant, [placed.model], max_distance=0.3)
-    allowed = live.settings.clearance - 0.5 * (0.09 + 0.2) / 32.0
+    allowed = kept_between(live, postures)
     # Drake's distances of boxes may be too large by 0.05 mm, and bodies may touch each other.
     least = [query.least(found)[0].distance for found in placed.posed(between(postures, 6, 3))]
     assert allowed - 1e-4 <= min(least) < (0.1 if settings is UNREPELLED else 0.2)
