@@ -170,7 +170,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--goals", nargs="+", default=["front", "behind"])
-    parser.add_argument("--seconds", type=float, default=60.0, help="of OMPL's runs")
+    parser.add_argument("--seconds", type=float, default=60.0, help="most for a run of OMPL's")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--file", type=Path, default=Path("planners.jsonl"))
     parser.add_argument("--csv", type=Path, help="list every run there")
