@@ -191,7 +191,7 @@ def plan_scan(
             place, row = route.points[k], int(route.rows[k])
             try:
                 if changes >= settings.changes:
-                    raise StuckError(f"it has changed over {changes} times") from None
+                    raise StuckError(f"it may change over {changes} times at most") from None
                 leader.change_over(place, row)
             except StuckError as other:
                 failures.append(f"the scan ends at {_words(place)}: {reason}; {other}")
@@ -202,9 +202,10 @@ def plan_scan(
             snakes.append(leader.snake_points)
         k += 1
     if leader.swings:
-        largest = math.degrees(max(leader.swings))
+        largest, count = math.degrees(max(leader.swings)), len(leader.swings)
+        often = "once" if count == 1 else f"{count} times"
         notes.append(
-            f"{len(leader.swings)} times the snake goes from one rest to another: hinges swing by "
+            f"{often} the snake goes from one rest to another: hinges swing by "
             f"up to {largest:.0f} deg, in small steps that are clear"
         )
     return _finished(
