@@ -104,8 +104,10 @@ class LiveArm:
         self._along: Array = way / np.linalg.norm(way)
         self._back = float(arm.average_module_length.max()) * np.arange(_PHASES + 1) / _PHASES
         self._hinges = slice(arm.first_actuated_joint - 1, arm.joints - 1)
-        limits = np.stack([arm.joint_lower[self._hinges], arm.joint_upper[self._hinges]])
-        self._limits = limits[:, None, :]
+        ways = np.stack([arm.joint_lower, arm.joint_upper]) - arm.joint_home
+        # At home some joints may stand at their limit: that is looked at elsewhere.
+        ways = np.where(ways == 0.0, np.inf, ways)[:, None, self._hinges]
+        self._home, self._ways = arm.joint_home[self._hinges], ways
         self._length = float(np.linalg.norm(way)) + float(arm.average_module_length[0])
 
     @property
@@ -309,7 +311,7 @@ class LiveArm:
         if np.abs(joints - found.joints).max() > LIMIT_TOLERANCE:
             return judged(Refusal.JOINT_LIMIT)
         if moved:
-            most = float((joints[:, self._hinges] / self._limits).max())
+            most = float(((joints[:, self._hinges] - self._home) / self._ways).max())
             if most > max(1.0 - _RESERVE, bend):
                 return judged(Refusal.JOINT_LIMIT)
             bend = most

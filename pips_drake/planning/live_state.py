@@ -100,8 +100,8 @@ class LiveState:
         extending: what the rules of extension said.
         refusal: why the tick's first wish was not taken.
         near_rest: whether the snake is close to rest.
-        bend: largest share of its limit that a hinge would need on the way back along the snake, as
-            it was when that moved last.
+        bend: largest share of its way from home to a limit that a hinge would need on the way back
+            along the snake, as it was when that moved last.
     """
 
     live: LiveSnake

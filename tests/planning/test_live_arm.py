@@ -289,3 +289,20 @@ def test_a_tick_takes_a_bounded_number_of_looks_at_the_obstacles(at_goal, monkey
         counts.append(len(looks))
     assert np.median(counts) <= 6
     assert max(counts) <= 16
+
+
+def test_the_prototype_is_laid_on_a_snake_and_follows_it_too():
+    """Its crane stands at an angle at home, and its joints have offsets."""
+    arm = load_arm("prototype")
+    tip = home_tip(arm)
+    live = LiveArm(arm, SignedDistanceField.of([]), settings=QUICK)
+    bent = tip + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6], [0.1, 0.0, 1.0], [0.1, 0.0, 1.6]])
+    state = live.lay(bent, extended=0.8)
+    for _ in range(40):
+        state = live.tick(state, Wish(word=EXTEND))
+        assert state.refusal == Refusal.NONE
+    # Slower than it may be: the linkages are what limits it here.
+    assert 0.83 < state.extended < 0.8 + 40 * 0.09 / 32.0
+    spine = kinematics.spine_points(arm, state.joints)[0]
+    off, _ = state.path.nearest(spine, 0.0, state.path.length)
+    assert off.max() < 1e-9
