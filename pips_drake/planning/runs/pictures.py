@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,17 @@ from numpy.typing import NDArray
 
 from pips_drake.planning.coverage_figure import draw_coverage
 from pips_drake.planning.runs.planned import Planned
+from pips_drake.planning.runs.unfolded_panel import unfolded_panel
 from pips_drake.planning.runs.views import ViewedPath, draw_views
 from pips_drake.planning.runs.workspace import Workspace
-from pips_drake.planning.scenario import PlannerScenario, goal_point
+from pips_drake.planning.scenario import PlannerScenario, goal_point, serpentine_scenario
+from pips_drake.serpentine.joint_motion import JointMotion
 from pips_drake.serpentine.runs.pictures import write_run_replay
 from pips_drake.serpentine.runs.planned import planned_knots
 from pips_drake.serpentine.scenario import SerpentineScenario
-from pips_drake.serpentine.station import SerpentineSetup
+from pips_drake.serpentine.station import SerpentineSetup, mounting_pose
 from pips_drake.twin.figures import figure_style, new_figure, save_figure
+from pips_drake.twin.replay_panel import ReplayPanel
 
 Array = NDArray[np.float64]
 
@@ -30,32 +34,14 @@ def write_views(
     file: Path, name: str, scenario: PlannerScenario, workspace: Workspace, planned: Planned
 ) -> None:
     """Draws what was planned, and what was not taken, in three views."""
-    # What a scan's tip did begins with the way there.
-    plans = planned.plans if planned.scan is None else ()
-    paths = [
-        ViewedPath(
-            points=one.path.point(one.path.samples(_SPACING)),
-            label=_label(scenario, number, len(planned.plans)),
-        )
-        for number, one in enumerate(plans)
-    ]
-    if planned.scan is not None:
-        paths.append(ViewedPath(points=planned.scan.tips, label="tip while it scans"))
-    if planned.rough is not None:
-        paths.append(ViewedPath(points=planned.rough, label="your path", alternative=True))
-    paths += [
-        ViewedPath(points=one.pulled, label=one.words, alternative=True)
-        for number, one in enumerate(planned.alternatives)
-        if number != planned.chosen
-    ]
     draw_views(
         file,
         occupancy=workspace.occupancy,
         arm=workspace.arm,
-        paths=paths,
+        paths=_paths(scenario, planned),
         postures=_postures(planned),
-        shift=float(planned.plans[0].shift[2]) if planned.plans else 0.0,
-        goals=np.array([goal_point(scenario, goal) for goal in scenario.goals]).reshape(-1, 3),
+        shift=_shift(planned),
+        goals=_goals(scenario),
         title=f"{name}: {workspace.arm.name} in {scenario.scene or 'free space'}",
     )
 
@@ -72,20 +58,78 @@ def write_coverage(file: Path, planned: Planned) -> None:
 
 
 def write_plan_replay(
-    file: Path, name: str, run: SerpentineScenario, setup: SerpentineSetup
+    file: Path,
+    name: str,
+    scenario: PlannerScenario,
+    workspace: Workspace,
+    planned: Planned,
+    run: SerpentineScenario,
+    setup: SerpentineSetup,
 ) -> None:
-    """Writes the planned motion, as it is commanded, as a 3-D page."""
+    """Writes the planned motion, as it is commanded, as a page: in 3-D, and the gap unfolded."""
     knots = planned_knots(run, setup)
     count = min(_SHOWN, len(knots.times))
-    rows = np.unique(np.linspace(0, len(knots.times) - 1, count).round().astype(int))
+    # Evenly in time: knots stand where a motion bends.
+    times = np.linspace(knots.times[0], knots.times[-1], count)
+    joints = JointMotion(times=knots.times, joints=knots.positions).at(times)
     write_run_replay(
         file,
         run,
         setup,
         title=f"{name}: {setup.arm.name}, as planned",
-        time=knots.times[rows],
-        joints=knots.positions[rows],
+        time=times,
+        joints=joints,
+        panel=make_panel(scenario, workspace, planned)(times, joints),
     )
+
+
+def make_panel(
+    scenario: PlannerScenario, workspace: Workspace, planned: Planned
+) -> Callable[[Array, Array], ReplayPanel | None]:
+    """What makes a page's flat view of a motion, (T,) s and (T, J) m and rad."""
+
+    def panel(times: Array, joints: Array) -> ReplayPanel | None:
+        return unfolded_panel(
+            workspace.occupancy,
+            workspace.arm,
+            times=times,
+            joints=joints,
+            shift=_shift(planned),
+            paths=_paths(scenario, planned),
+            goals=_goals(scenario),
+            X_W0=mounting_pose(serpentine_scenario(scenario, path="planned")),
+        )
+
+    return panel
+
+
+def _paths(scenario: PlannerScenario, planned: Planned) -> list[ViewedPath]:
+    # What a scan's tip did begins with the way there.
+    plans = planned.plans if planned.scan is None else ()
+    paths = [
+        ViewedPath(
+            points=one.path.point(one.path.samples(_SPACING)),
+            label=_label(scenario, number, len(planned.plans)),
+        )
+        for number, one in enumerate(plans)
+    ]
+    if planned.scan is not None:
+        paths.append(ViewedPath(points=planned.scan.tips, label="tip while it scans"))
+    if planned.rough is not None:
+        paths.append(ViewedPath(points=planned.rough, label="your path", alternative=True))
+    return paths + [
+        ViewedPath(points=one.pulled, label=one.words, alternative=True)
+        for number, one in enumerate(planned.alternatives)
+        if number != planned.chosen
+    ]
+
+
+def _goals(scenario: PlannerScenario) -> Array:
+    return np.array([goal_point(scenario, goal) for goal in scenario.goals]).reshape(-1, 3)
+
+
+def _shift(planned: Planned) -> float:
+    return float(planned.plans[0].shift[2]) if planned.plans else 0.0
 
 
 def _postures(planned: Planned) -> Array | None:

@@ -62,7 +62,8 @@ def plan(
             run, files = write_motion(partial, scenario, workspace, planned, folder=folder)
             setup = load_setup(run, folder=partial, **files)
             verdict = check_into(partial, run, setup, name=name)
-            write_plan_replay(partial / "replay.html", name, run, setup)
+            page = partial / "replay.html"
+            write_plan_replay(page, name, scenario, workspace, planned, run, setup)
             write_coverage(partial / "figures" / "coverage.png", planned)
             summary |= dict(verdict.summary)
             failures += [said for said in verdict.failures if said not in failures]

@@ -8,6 +8,7 @@ from pathlib import Path
 from pydrake.geometry import Meshcat
 
 from pips_drake.planning.runs.motion import plan_motion
+from pips_drake.planning.runs.pictures import make_panel
 from pips_drake.planning.runs.plan import plan, write_motion
 from pips_drake.planning.runs.workspace import load_workspace
 from pips_drake.planning.scenario import PlannerScenario
@@ -54,5 +55,6 @@ def simulate(
             force=force,
             folder=there,
             meshcat=meshcat,
+            panel=make_panel(scenario, workspace, planned),
             **files,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,11 +49,14 @@ from pips_drake.serpentine.station import (
 )
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.recording import write_csv
+from pips_drake.twin.replay_panel import ReplayPanel
 from pips_drake.twin.simulation import DivergedError
 from pips_drake.twin.summary import versions, write_summary
 from pips_drake.twin.verdict import Verdict
 
 Array = NDArray[np.float64]
+#: Makes the flat view of a page from what was recorded: times (T,) s, joints (T, J) m and rad.
+MakePanel = Callable[[Array, Array], ReplayPanel | None]
 
 
 def simulate(
@@ -65,6 +69,7 @@ def simulate(
     scene_file: Path | None = None,
     meshcat: Meshcat | None = None,
     joint_motion: JointMotion | None = None,
+    panel: MakePanel | None = None,
 ) -> Verdict:
     """Plans, simulates and judges a scenario, and writes its folder.
 
@@ -77,6 +82,7 @@ def simulate(
         meshcat: shows the run while it goes on.
         joint_motion: stands for the scenario's path or joints; the rail then stands at the
             scenario's `rail_shift_m`.
+        panel: makes the flat view of the replay's page.
 
     Raises:
         InputError: something that the scenario names cannot be used; nothing is written.
@@ -93,7 +99,9 @@ def simulate(
         if not failures:
             # The plan is converged; a scenario's own tolerance and limit act in the run alone.
             try:
-                summary, failures = _simulate_into(partial, scenario, setup, plan, name, meshcat)
+                summary, failures = _simulate_into(
+                    partial, scenario, setup, plan, name, meshcat, panel
+                )
             except (NotFollowableError, DivergedError) as error:
                 failures = [f"the run was given up: {error}"]
             failures += plan.warnings
@@ -122,6 +130,7 @@ def _simulate_into(
     plan: PlannedRun,
     name: str,
     meshcat: Meshcat | None,
+    panel: MakePanel | None,
 ) -> tuple[dict[str, Any], list[str]]:
     """Runs a followable scenario and writes everything but the summary."""
     run = run_station(scenario, setup, meshcat=meshcat)
@@ -149,6 +158,7 @@ def _simulate_into(
         phases=run_phases(run.data, setup.motion),
         note="" if film is None else film.note,
         seen=None if film is None else film.patches,
+        panel=None if panel is None else panel(run.data.time, run.data.joints),
     )
     write_diagram(folder, run.diagram)
     summary = (
