@@ -81,7 +81,7 @@ class LiveArm:
         arm: the arm.
         obstacles: the scene's shapes.
         rail_shift: from the scene's frame to the arm's frame {0}, along z, m (`anchoring`).
-        settings: how things move; the snake's radii of repulsion are raised to the arm's own.
+        settings: how things move.
     """
 
     def __init__(

@@ -92,7 +92,8 @@ class LiveSnakeSettings:
     Attributes:
         snake: what it is made of.
         repulsion: of the obstacles from the snake grown by `radius`.
-        radius: of the arm on it, m.
+        radius: of the arm on it, m; that of cmu_92's root links by default. What is less than the
+            arm's repels it less, and lets no posture nearer.
         goal_radius: of the arm at its tip, m.
         clearance: what must be between the arm and obstacles at goals and nails, m.
         blend: over which shapes of a body are blended, m.

@@ -37,7 +37,7 @@ class LiveArmSettings:
     """How an arm goes along a live snake.
 
     Attributes:
-        snake: how that moves; its radii are the arm's own where None.
+        snake: how that moves.
         clearance: least distance of the arm's bodies to obstacles, m.
         lead: how far the snake goes straight on from the home tip, m.
         tip_speed: along the snake, m/s.
