@@ -30,7 +30,7 @@ from pips_drake.planning.arm_clearance import ClearanceBound
 from pips_drake.planning.attempts import SHARES, TOLD, Attempt, Judge, Tried, Weights
 from pips_drake.planning.bending import PathWork
 from pips_drake.planning.occupancy import Occupancy
-from pips_drake.planning.planner import GoalPlan, PlannerSettings, choose_route
+from pips_drake.planning.planner import ROUGHLY, GoalPlan, PlannerSettings, choose_route
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.tip_path import TipPath
@@ -91,7 +91,13 @@ def plan_feasibly(
         NotFollowableError: the arm is too short for the shortest way.
     """
     found, pulled = choose_route(
-        arm, occupancy, goal, home_tip=home_tip, nails=nails, settings=settings
+        arm,
+        occupancy,
+        goal,
+        home_tip=home_tip,
+        nails=nails,
+        settings=settings,
+        most_rounds=ROUGHLY,
     )
     made = make_feasible(
         arm,

@@ -30,7 +30,7 @@ from pips_drake.planning.snake import (
     nail,
 )
 from pips_drake.planning.snake_motion import MAX_STEPS, Settled, settle
-from pips_drake.planning.string_pull import pull
+from pips_drake.planning.string_pull import MOST_ROUNDS, pull
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.anchoring import anchor_path
@@ -39,6 +39,9 @@ from pips_drake.serpentine.plan import Plan, make_plan
 from pips_drake.serpentine.tip_path import TipPath, blended_path
 
 Array = NDArray[np.float64]
+
+#: Rounds after which a path is nearly tight.
+ROUGHLY = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,21 +131,28 @@ def choose_route(
     home_tip: ArrayLike | None = None,
     nails: Sequence[ArrayLike] = (),
     settings: PlannerSettings | None = None,
+    most_rounds: int = MOST_ROUNDS,
 ) -> tuple[GridPath, Array]:
     """The shortest way from the lead's end to a goal: over cells, and pulled tight, (N, 3) m.
 
-    Args and raises as of `plan_to_goal`; `nails` are passed on the way, in order.
+    Args and raises as of `plan_to_goal` and `route_through`; `nails` are passed on the way, in
+    order.
     """
     settings = settings or PlannerSettings()
     tip, along, _ = home_of(arm, home_tip)
-    return route_through(occupancy, [tip + settings.lead * along, *nails, goal])
+    places = [tip + settings.lead * along, *nails, goal]
+    return route_through(occupancy, places, most_rounds=most_rounds)
 
 
-def route_through(occupancy: Occupancy, places: Sequence[ArrayLike]) -> tuple[GridPath, Array]:
+def route_through(
+    occupancy: Occupancy, places: Sequence[ArrayLike], *, most_rounds: int = MOST_ROUNDS
+) -> tuple[GridPath, Array]:
     """The shortest ways from each place to the next: over cells, and pulled tight, (N, 3) m.
 
     Args:
         places: two or more, (3,) m each: start, what is to be passed, goal.
+        most_rounds: of pulling. `ROUGHLY` is enough where a snake is laid on it, which is tense by
+            itself: it takes a tenth of the time, and is some thousandths longer.
 
     Raises:
         InputError, NoPathError: as of `grid_search.find_path`.
@@ -155,7 +165,10 @@ def route_through(occupancy: Occupancy, places: Sequence[ArrayLike]) -> tuple[Gr
             if k == len(places) - 1 or not str(error).startswith("goal"):
                 raise
             raise InputError(f"nail{str(error).removeprefix('goal')}") from None
-    pulled = [pull(occupancy.field, way.points, occupancy.radius) for way in found]
+    pulled = [
+        pull(occupancy.field, way.points, occupancy.radius, most_rounds=most_rounds)
+        for way in found
+    ]
     if len(found) == 1:
         return found[0], pulled[0]
     whole = GridPath(

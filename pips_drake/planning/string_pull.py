@@ -30,18 +30,23 @@ Array = NDArray[np.float64]
 SHARP = 0.3
 #: A round that shortens the path by less than this share gains little.
 SETTLED = 2e-4
-_MOST_ROUNDS = 200
+#: It is done sooner but for paths of thousands of corners.
+MOST_ROUNDS = 200
 # How finely a corner's way is searched: halvings of it.
 _HALVINGS = 5
 
 
-def pull(field: SignedDistanceField, points: ArrayLike, radius: float) -> Array:
+def pull(
+    field: SignedDistanceField, points: ArrayLike, radius: float, *, most_rounds: int = MOST_ROUNDS
+) -> Array:
     """The path pulled tight, (K, 3) m; its ends stay.
 
     Args:
         field: the obstacles.
         points: a clear path in the world, (N, 3) m.
         radius: that every point of it keeps from the obstacles, m, > 0.
+        most_rounds: after fewer than it takes the path is as clear, but longer than need be: enough
+            for what tightens it anyway.
 
     Raises:
         InputError: the path is not clear, or no path.
@@ -56,7 +61,7 @@ def pull(field: SignedDistanceField, points: ArrayLike, radius: float) -> Array:
             f"path is not clear: {at:.3g} m behind its point {segment} it is nearer than "
             f"{radius:.3g} m to {field.label(shape)}"
         )
-    return np.asarray(_pulled(field.arrays, p, radius + TOLERANCE))
+    return np.asarray(_pulled(field.arrays, p, radius + TOLERANCE, most_rounds))
 
 
 @numba.njit(cache=True)
@@ -69,11 +74,11 @@ def path_length(points):
 
 
 @numba.njit(cache=True)
-def _pulled(field, points, radius):
+def _pulled(field, points, radius, most_rounds):
     path = _shortcut(field, points, radius)
     every = np.arange(field.kinds.shape[0])
     length = path_length(path)
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(most_rounds):
         path = _tightened(field, path, radius, every)
         shorter = path_length(path)
         # What is far from tight is pulled while it has few corners: that is soon done.

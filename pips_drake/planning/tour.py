@@ -28,7 +28,7 @@ from pips_drake.planning.feasible import (
 from pips_drake.planning.kept_path import cut_path
 from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.origins import OriginRule, extend
-from pips_drake.planning.planner import PlannerSettings, route_through
+from pips_drake.planning.planner import ROUGHLY, PlannerSettings, route_through
 from pips_drake.serpentine.anchoring import anchor_path
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
@@ -315,7 +315,9 @@ class _Legs:
             rule=self.rule,
             arm_length=float(self.arm.joint_upper[0] - self.arm.joint_home[0]),
         )
-        rest = route_through(self.occupancy, places)[1][1:] if len(places) > 1 else None
+        rest = None
+        if len(places) > 1:
+            rest = route_through(self.occupancy, places, most_rounds=ROUGHLY)[1][1:]
         origin = home + found.origin
         if origin > path.length - _SAME:  # the line's chords are shorter
             origin = path.length
@@ -327,7 +329,8 @@ class _Legs:
             way = found.path
             if back:
                 try:
-                    _, way = route_through(self.occupancy, [path.point(s), places[0]])
+                    begin = [path.point(s), places[0]]
+                    _, way = route_through(self.occupancy, begin, most_rounds=ROUGHLY)
                 except (InputError, NotFollowableError):  # too near to an obstacle to begin there
                     continue
             ahead = way[int(np.argmax(np.linalg.norm(way - way[0], axis=1) > 0.5 * link))] - way[0]
