@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 BODY_COLORS = ("#9aa1ab", "#cdb67e", "#7d9cc0", "#c08a7d", "#8fb38f", "#a78fb8")
 #: Edges between faces that meet at less than this are not drawn, deg.
 _SMOOTH = 25.0
+#: What is as near to the seam is drawn on both sides, deg.
+_ON_THE_SEAM = 3.0
 #: How far around a payload's surface is shown unfolded, m.
 _AROUND = 0.9
 
@@ -198,6 +200,25 @@ def unfolded_line(grid: Grid, points: ArrayLike, *, parts: int = 20) -> Array:
         pieces += [line[first : seam + 1], np.vstack([beyond, gap, before])]
         first = int(seam) + 1
     return np.concatenate([*pieces, line[first:]])
+
+
+def unfolded_marks(grid: Grid, points: ArrayLike) -> tuple[Array, NDArray[np.int64]]:
+    """Points (N, 3) m in the world as (along m, around deg), (M, 2); on the seam on both sides.
+
+    Returns:
+        Them, and which of the points each is, (M,).
+    """
+    p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    along, around, _ = grid.from_world(p).T
+    rows = np.column_stack([along, np.degrees(around)])
+    found, which = [rows], [np.arange(len(p))]
+    low, high = np.degrees([grid.lower[1], grid.upper[1]])
+    if high - low > 359.0:
+        for near, turn in ((rows[:, 1] - low, 360.0), (high - rows[:, 1], -360.0)):
+            again = np.flatnonzero(near < _ON_THE_SEAM)
+            found.append(rows[again] + np.array([0.0, turn]))
+            which.append(again)
+    return np.concatenate(found), np.concatenate(which)
 
 
 def unfolded_polygons(grid: Grid, corners: Array) -> list[Array]:

@@ -11,7 +11,12 @@ from pydrake.math import RigidTransform
 
 from pips_drake.planning.grid import Grid
 from pips_drake.planning.occupancy import Occupancy
-from pips_drake.planning.runs.outlines import unfolded_line, unfolded_picture, unfolding
+from pips_drake.planning.runs.outlines import (
+    unfolded_line,
+    unfolded_marks,
+    unfolded_picture,
+    unfolding,
+)
 from pips_drake.planning.runs.views import ARM_COLOR, GOAL_COLOR, PATH_COLORS, ViewedPath
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import SerpentineArm
@@ -71,10 +76,9 @@ def unfolded_panel(
     ]
     marks = np.asarray(goals, dtype=np.float64).reshape(-1, 3)
     if len(marks):
-        along, around, _ = grid.from_world(marks).T
         lines.append(
             PanelLine(
-                points=np.column_stack([along, np.degrees(around)]),
+                points=unfolded_marks(grid, marks)[0],
                 color=GOAL_COLOR,
                 label="goals" if len(marks) > 1 else "goal",
                 marker=True,
@@ -82,7 +86,7 @@ def unfolded_panel(
         )
     low, high = np.degrees([grid.lower[1], grid.upper[1]])
     return ReplayPanel(
-        title="The gap unfolded: coloured where there is no room for the arm, pale where less",
+        title="The gap unfolded: no room for the arm where coloured, less where pale",
         x_label="along the axis (z0), m",
         y_label="around it, deg",
         x_range=(float(grid.lower[0]), float(grid.upper[0])),

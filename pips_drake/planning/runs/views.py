@@ -21,6 +21,7 @@ from pips_drake.planning.runs.outlines import (
     drawn_shapes,
     polygon,
     unfolded_line,
+    unfolded_marks,
     unfolded_picture,
     unfolded_polygons,
     unfolding,
@@ -217,7 +218,7 @@ def _draw_space(axes: Any, scene: _Scene) -> None:
     axes.set_xlabel(names[0], labelpad=8.0 if lying else 0.0)
     axes.set_ylabel(names[1])
     if lying:  # beside the axis there is no room
-        axes.text2D(0.93, 0.8, names[2], transform=axes.transAxes, ha="center")
+        axes.text2D(1.01, 0.71, names[2], transform=axes.transAxes, ha="center")
     else:
         axes.set_zlabel(names[2])
     axes.view_init(elev=22.0, azim=-62.0 if lying else -125.0)
@@ -285,8 +286,7 @@ def _draw_unfolded(axes: Axes, scene: _Scene, unfolded: Occupancy) -> None:
                 axes.fill(*outline.T, facecolor=ARM_COLOR, alpha=opacity, linewidth=0.0, zorder=3)
     for points, style in scene.paths:
         axes.plot(*unfolded_line(grid, points).T, **style)
-    q = grid.from_world(scene.goals)
-    _draw_goals(axes, np.column_stack([q[:, 0], np.degrees(q[:, 1])]))
+    _draw_goals(axes, *unfolded_marks(grid, scene.goals))
     axes.set(xlim=(grid.lower[0], grid.upper[0]), ylim=tuple(degrees))
     axes.set_yticks(np.arange(60.0 * np.ceil(degrees[0] / 60.0 - 1e-9), degrees[1] + 1e-6, 60.0))
     axes.set_xlabel("along the axis (z0), m")
@@ -298,8 +298,9 @@ def _draw_unfolded(axes: Axes, scene: _Scene, unfolded: Occupancy) -> None:
     axes.grid(False)
 
 
-def _draw_goals(axes: Axes, goals: Array) -> None:
-    for number, goal in enumerate(goals, 1):
+def _draw_goals(axes: Axes, goals: Array, which: NDArray[np.int64] | None = None) -> None:
+    numbers = np.arange(len(goals)) if which is None else which
+    for number, goal in zip(numbers + 1, goals, strict=True):
         axes.plot(
             *goal[:, None],
             "*",
@@ -308,8 +309,9 @@ def _draw_goals(axes: Axes, goals: Array) -> None:
             markeredgecolor="black",
             markeredgewidth=0.5,
             zorder=6,
+            clip_on=False,
         )
-        if len(goals) > 1:
+        if numbers.max() > 0:
             axes.annotate(
                 str(number),
                 goal,

@@ -18,9 +18,11 @@ from pips_drake.planning.runs.outlines import (
     blocked_bodies,
     drawn_shapes,
     unfolded_line,
+    unfolded_marks,
     unfolded_polygons,
     unfolding,
 )
+from pips_drake.planning.runs.unfolded_panel import unfolded_panel
 from pips_drake.planning.runs.views import ViewedPath, draw_views
 from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
 from pips_drake.serpentine import kinematics
@@ -124,6 +126,44 @@ def test_bodies_on_the_seam_are_drawn_on_both_sides(unfolded):
         assert abs(abs(outline[:, 1].mean()) - 180.0) < half, middle
     assert abs(first[:, 1].mean() - second[:, 1].mean()) == pytest.approx(360.0, abs=1e-6)
     assert len(unfolded_polygons(unfolded.grid, corner * [-1.0, 1.0, 1.0])) == 1
+
+
+def test_a_goal_on_the_seam_is_marked_on_both_sides(unfolded):
+    points, which = unfolded_marks(unfolded.grid, [[-1.3, 1e-3, 4.0], [0.0, 1.3, 5.0]])
+    assert which.tolist() == [0, 1, 0]
+    assert_allclose(points[1], [5.0, 90.0], atol=1e-9)
+    assert points[0, 1] - points[2, 1] == pytest.approx(360.0, abs=1e-9)
+    assert 179.0 < points[0, 1] < 180.0
+
+
+def test_the_pages_arm_goes_where_the_spine_goes(unfolded):
+    """A motion along the base line: its last point at each time is the tip's height and angle."""
+    arm = load_arm("cmu_92")
+    joints = np.repeat(arm.joint_home[None], 5, axis=0)
+    joints[:, 0] += np.linspace(0.0, 2.0, 5)
+    panel = unfolded_panel(
+        unfolded,
+        arm,
+        times=np.arange(5.0),
+        joints=joints,
+        shift=-6.0,
+        paths=[ViewedPath(points=[[1.2, 0.0, 2.0], [1.2, 0.0, 7.0]])],
+        goals=[[0.0, 1.3, 7.0]],
+    )
+    tips = kinematics.spine_points(arm, joints)[:, -1] + [0.0, 0.0, -6.0]
+    ends = np.array([line[-1] for line in panel.moving])
+    assert_allclose(ends[:, 0], tips[:, 2], atol=1e-9)
+    assert_allclose(ends[:, 1], np.degrees(np.arctan2(tips[:, 1], tips[:, 0])), atol=1e-9)
+    assert panel.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert panel.picture.shape == (72, 60, 3)
+    assert_allclose(panel.lines[-1].points, [[7.0, 90.0]], atol=1e-9)
+    for view in panel.views:
+        assert_allclose(view.target, [0.0, 0.0, 5.0], atol=1e-9)
+    # Without anything upright to unfold around, the page has none.
+    ball = PlacedShape("ball", "", Sphere(1.0), RigidTransform())
+    box = Grid(lower=np.full(3, -2.0), upper=np.full(3, 2.0), shape=(9, 9, 9))
+    none = Occupancy.of(SignedDistanceField.of([ball]), box, 0.1)
+    assert unfolded_panel(none, arm, times=np.arange(5.0), joints=joints) is None
 
 
 def test_the_arm_is_drawn_as_its_boxes_where_its_feed_stands():
