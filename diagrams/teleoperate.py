@@ -18,7 +18,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat, MeshcatVisualizer, Rgba
+from pydrake.geometry import Meshcat, MeshcatVisualizer, Rgba, Sphere
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
@@ -35,10 +36,11 @@ from pips_drake.planning.operator_recording import (
 )
 from pips_drake.planning.station import MakeTeleoperationStation
 from pips_drake.scene.packages import find_scene_file
-from pips_drake.scene.signed_distance import read_distance_field
+from pips_drake.scene.signed_distance import SignedDistanceField, read_distance_field
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.scenario import SerpentineScenario
+from pips_drake.serpentine.station import mounting_pose
 from pips_drake.twin.output_folder import write_whole
 from pips_drake.twin.replay import make_meshcat
 
@@ -101,6 +103,9 @@ def run(options: argparse.Namespace) -> int:
             tension=settings.snake.snake.tension,
             bending_stiffness=settings.snake.snake.bending_stiffness,
         )
+        X_WF = mounting_pose(scenario)
+        target = start.live.snake.points[len(start.live.snake.points) // 2]
+        meshcat.SetCameraPose(X_WF @ clearest_place(field, target, 1.6), X_WF @ target)
         simulator.set_target_realtime_rate(1.0)
         print(f"open {meshcat.web_url()}")
     duration = options.seconds or (np.inf if options.meshcat else recording.duration)
@@ -115,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
             simulator.AdvanceTo(min(time + settings.period, duration))
             log.note(station, station_context, state)
             if meshcat is not None:
-                show_snake(meshcat, state)
+                show_snake(meshcat, X_WF, state)
     except KeyboardInterrupt:
         print()
     if options.record:
@@ -130,7 +135,7 @@ def run(options: argparse.Namespace) -> int:
         )
         write_whole(options.record, write_recording(done))
     if options.out:
-        draw(log, field, options.out)
+        draw(log, options.out)
     return verdict(log)
 
 
@@ -186,13 +191,27 @@ class _Log:
         self.state = state
 
 
-def show_snake(meshcat: Meshcat, state: LiveState) -> None:
+def clearest_place(field: SignedDistanceField, target: np.ndarray, far: float) -> np.ndarray:
+    """Of places around a target (3,) m, as `far` (m) from it, the one with most room around it."""
+    # Even over the sphere: equal steps of height, the golden angle between them.
+    steps = np.arange(200)
+    height, angle = (steps + 0.5) / 100.0 - 1.0, steps * np.pi * (3.0 - np.sqrt(5.0))
+    flat = np.sqrt(1.0 - height**2)
+    around = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
+    places = target + far * around
+    return places[np.argmax(field.distances(places))]
+
+
+def show_snake(meshcat: Meshcat, X_WF: RigidTransform, state: LiveState) -> None:
     """Draws the snake, and balls at its nails."""
-    points = state.live.snake.points.T
-    meshcat.SetLine("/snake", points, 4.0, Rgba(0.9, 0.5, 0.1))
+    meshcat.SetLine("/snake", X_WF @ state.live.snake.points.T, 4.0, Rgba(0.9, 0.5, 0.1))
+    meshcat.Delete("/nails")
+    for k, place in enumerate(state.live.held):
+        meshcat.SetObject(f"/nails/{k}", Sphere(0.03), Rgba(0.8, 0.1, 0.1))
+        meshcat.SetTransform(f"/nails/{k}", RigidTransform(X_WF @ place))
 
 
-def draw(log: _Log, field: object, file: Path) -> None:
+def draw(log: _Log, file: Path) -> None:
     """The tip's way, seen from the side, and what was left between the arm and the scene."""
     tips = np.array(log.tips)
     figure, (side, left) = plt.subplots(2, 1, figsize=(9, 7), layout="constrained")
