@@ -14,12 +14,10 @@ from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.planning.alternatives import Alternative, find_alternatives
 from pips_drake.planning.attempts import Judge
 from pips_drake.planning.feasible import FeasiblePlan, make_feasible
-from pips_drake.planning.grid_search import find_path
-from pips_drake.planning.planner import GoalPlan, choose_route, home_of
+from pips_drake.planning.planner import ROUGHLY, GoalPlan, choose_route, home_of
 from pips_drake.planning.runs.planned import Planned
 from pips_drake.planning.runs.workspace import Workspace
 from pips_drake.planning.scenario import GoalConfig, PlannerScenario, goal_point
-from pips_drake.planning.string_pull import pull
 from pips_drake.planning.viewing import Viewing, approach_along
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.drives import drive_efforts, drive_limits
@@ -202,18 +200,15 @@ def _route(
 ) -> Array:
     """The shortest way to a goal, or to where the way looks along its view; through its nails."""
     there = goal_point(scenario, goal) if view is None else view.approach
-    places = [np.array(place) for place in (*goal.nails_m, there)]
     _, route = choose_route(
         workspace.arm,
         workspace.occupancy,
-        places[0],
+        there,
         home_tip=workspace.home_tip,
+        nails=goal.nails_m,
         settings=workspace.settings,
+        most_rounds=ROUGHLY,
     )
-    occupancy = workspace.occupancy
-    for place in places[1:]:
-        found = find_path(occupancy, route[-1], place)
-        route = np.vstack([route, pull(occupancy.field, found.points, occupancy.radius)[1:]])
     return route
 
 
