@@ -289,7 +289,7 @@ def chord_bound(shapes, poses, a, b, k0, k1, n0, n1, away, work):
     return lowest - ROUNDING, first + away, second + away
 
 
-@numba.njit(cache=True)
+@inner
 def _aim(shapes, poses, a, b, k, floor, n):
     """A good normal at a knot, in the world; an exact one if the suggested gap is below floor."""
     i, j = shapes.body[a], shapes.body[b]
