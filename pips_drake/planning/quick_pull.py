@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
 from pips_drake.planning.line_of_sight import TOLERANCE, first_blocked
-from pips_drake.planning.string_pull import pull
+from pips_drake.planning.string_pull import MOST_ROUNDS, pull
 from pips_drake.scene.signed_distance import SignedDistanceField
 
 Array = NDArray[np.float64]
 
 #: Shapes in the way are looked for this often; then all are in view.
-_MOST_ROUNDS = 12
+_MOST_VIEWS = 12
+# Rounds of pulling after which a path touches what it will touch.
+_ROUGHLY = 6
 
 
 def pull_quickly(
@@ -46,11 +48,16 @@ def pull_quickly(
             f"{radius:.3g} m to {field.label(shape)}"
         )
     seen = set(in_view)
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(_MOST_VIEWS):
         few = SignedDistanceField.of(field.shapes[m] for m in sorted(seen))
-        pulled = pull(few, p, radius)
-        blocking = _in_the_way(field, pulled, radius)
-        if not blocking:
+        # Roughly at first: what is in the way of a tight path is in that of a rough one too.
+        pulled = p
+        for rounds in (_ROUGHLY, MOST_ROUNDS):
+            pulled = pull(few, pulled, radius, most_rounds=rounds)
+            blocking = _in_the_way(field, pulled, radius)
+            if blocking:
+                break
+        else:
             return pulled
         seen |= blocking
     return pull(field, p, radius)
