@@ -2,22 +2,25 @@
 
 CMU-92's arm, with 41 joints that move (the feed and 40 hinges; the camera's roll rests), begins
 straight, before the bay's port, and ends where its tip is at a goal in the gap. The judge is the
-same for all: Drake's `HasCollisions` for a posture, and the certificate of `pips check` for a
-motion, whose joints go straight from row to row.
+same for all: Drake's collision engine with the same arm and scene for a posture, and the
+certificate of `pips check` for a motion, whose joints go straight from row to row.
 """
 
 from __future__ import annotations
 
 import tempfile
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.planning import SceneGraphCollisionChecker
 
 from benchmarks.collision_judges import DrakeJudge
+from benchmarks.postures import make_checker
 from pips_drake.planning.planner import GoalPlan
 from pips_drake.planning.runs.motion import plan_motion
 from pips_drake.planning.runs.workspace import load_workspace
@@ -35,6 +38,9 @@ SCENARIO = "reach_behind_payload"
 #: Where the tip goes: along the bay's axis (m), around it (deg), out from it (m). None: where the
 #: scenario says.
 GOALS = {"front": [7.4, 10.0, 2.034], "behind": None}
+#: How far from the scene a posture must be for a planner that checks postures alone, m: without it
+#: motions graze something between two of them, however near these are.
+PADDING = 0.01
 #: How near a certificate's bounds come to each other, m.
 TOLERANCE = 1e-3
 #: Between postures at which the tip is looked at for the length of its way, m and rad.
@@ -71,14 +77,25 @@ class Judge:
             run = serpentine_scenario(scenario, path=file.name)
             setup = load_setup(run, folder=folder)
         self.arm: SerpentineArm = setup.arm
+        self._run, self._setup = run, setup
         self._placed = place_arm(run, setup)
         self._drake = DrakeJudge(self._placed)
         self.queries = 0
 
     def collides(self, posture: Array) -> bool:
         """Whether anything touches at a posture (J,)."""
-        self.queries += 1
         return self._drake.collides(posture)
+
+    @cached_property
+    def _checker(self) -> SceneGraphCollisionChecker:
+        checker = make_checker(self._run, self._setup)
+        checker.SetPaddingAllRobotEnvironmentPairs(PADDING)
+        return checker
+
+    def free(self, posture: Array) -> bool:
+        """Whether a posture (J,) is as clear of the scene as `PADDING` says, and of the arm."""
+        self.queries += 1
+        return bool(self._checker.CheckConfigCollisionFree(posture))
 
     def verdict(self, motion: Array) -> dict[str, Any]:
         """What a motion (K, J) is worth: certified at every instant, and how it goes.

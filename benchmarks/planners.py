@@ -102,7 +102,7 @@ def run_theirs(
 
     planner_ = SamplingPlanner(
         planner,
-        lambda q: not judge.collides(whole(q)),
+        lambda q: judge.free(whole(q)),
         arm.joint_lower[moving],
         arm.joint_upper[moving],
         arm.joint_home[moving],

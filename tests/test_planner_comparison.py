@@ -129,9 +129,14 @@ def test_our_motion_is_certified_and_a_straight_one_is_not():
     length = np.linalg.norm(np.diff(found.points[1:], axis=0), axis=1).sum()
     assert verdict["tip_path_m"] == pytest.approx(length, rel=2e-3)
     assert not any(judge.collides(posture) for posture in found.plan.joints[::100])
+    assert all(judge.free(posture) for posture in found.plan.joints[::100])
     straight = found.plan.joints[[0, -1]]
     assert not judge.verdict(straight)["certified"]
-    assert any(judge.collides(posture) for posture in dense(straight, 0.1))
+    hits = [judge.collides(posture) for posture in dense(straight, 0.1)]
+    free = [judge.free(posture) for posture in dense(straight, 0.1)]
+    assert any(hits) and any(free)
+    assert not any(a and b for a, b in zip(hits, free, strict=True))
+    assert judge.queries == len(free) + len(found.plan.joints[::100])
 
 
 @pytest.mark.slow
