@@ -3,8 +3,8 @@
 State space: the joints that move, within their limits; distances are Euclidean over metres and
 radians. They are given the goal as a whole posture (the one that our planner ends in), which they
 would otherwise have to find by inverse kinematics. RRTConnect's range, how far a tree grows at a
-time, is the best of what was tried (0.1, 0.3, 0.5, 1, and OMPL's default of 2.7, with which it does
-not get behind the payload in the time); all else is OMPL's default.
+time, is the best of what was tried (0.1, 0.3, 1, and OMPL's default of 2.7, with which it did not
+get behind the payload in 20 s); all else is OMPL's default.
 
 Motions are validated at a resolution. Where the certificate then finds that a motion touches
 something between, the resolution is made finer and the planner starts again, as a user would.
