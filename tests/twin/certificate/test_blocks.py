@@ -159,10 +159,10 @@ def test_blocks_prove_what_a_search_without_them_does(
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_blocks_prove_what_a_search_without_them_does_on_60_motions(
+def test_blocks_prove_what_a_search_without_them_does_on_40_motions(
     random_machine, random_walk, truth, monkeypatch
 ) -> None:
-    assert check_agreement(range(60), random_machine, random_walk, truth, monkeypatch, 1) > 1000
+    assert check_agreement(range(40), random_machine, random_walk, truth, monkeypatch, 1) > 1000
 
 
 def test_enough_is_proved_and_no_more_is_looked_for(random_machine, random_walk) -> None:
