@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pips_drake.twin.certificate.outline import make_outline
 from pips_drake.twin.certificate.problem import Problem
-from pips_drake.twin.certificate.sweep import Sweep, block_bounds, make_outline, nearest_at
+from pips_drake.twin.certificate.sweep import Sweep, block_bounds, nearest_at
 from pips_drake.twin.certificate.witness import Distances
 
 Array = NDArray[np.float64]

@@ -10,9 +10,10 @@ import pytest
 
 from pips_drake.twin.certificate import search
 from pips_drake.twin.certificate.certify import ClearanceCertificate
+from pips_drake.twin.certificate.outline import make_outline
 from pips_drake.twin.certificate.proof import load_proof, make_proof, save_proof
 from pips_drake.twin.certificate.search import certify
-from pips_drake.twin.certificate.sweep import chord_bound, make_outline, make_sweep
+from pips_drake.twin.certificate.sweep import chord_bound, make_sweep
 from pips_drake.twin.certificate.verify import check_proof, verify_proof
 
 TOLERANCE = 1e-4
