@@ -76,17 +76,27 @@ def behind():
 @pytest.mark.slow
 def test_the_way_that_is_taken_is_the_shortest_that_drives_can_hold(behind):
     config, workspace, found = behind
-    assert not found.failures and found.chosen == 1
-    assert "way 1 was not taken: a drive needs 1" in found.notes[0]
+    assert not found.failures and found.chosen == 0 and not found.notes
     lengths = [one.length for one in found.alternatives]
     assert len(lengths) == 3 and lengths == sorted(lengths)
     assert overload(config, workspace, found.plans[0]) == []
-    # Whoever insists gets the first, and is told.
-    config, workspace = prepared("reach_behind_payload", choose="1")
-    first = plan_motion(config, workspace)
-    assert first.chosen == 0 and "% of its effort limit" in first.failures[0]
+    # Whoever insists gets another, which is another.
+    config, workspace = prepared("reach_behind_payload", choose="2")
+    second = plan_motion(config, workspace)
+    assert second.chosen == 1
+    assert second.plans[0].path.travel > found.plans[0].path.travel
+    # The arm is too short for the eighth.
     config, workspace = prepared("reach_behind_payload", alternatives="8", choose="8")
-    assert "choose = 8" in plan_motion(config, workspace).failures[0]
+    assert "m of arm beyond home" in plan_motion(config, workspace).failures[0]
+
+
+@pytest.mark.slow
+def test_where_no_drive_is_strong_enough_the_shortest_way_comes_back_with_that():
+    config, workspace = prepared("reach_behind_payload", alternatives="2")
+    config.checks.force_fraction_max = 0.05
+    found = plan_motion(config, workspace)
+    assert found.chosen == 0 and len(found.alternatives) == 2
+    assert "% of its effort limit" in found.failures[-1] and "must be <= 5 %" in found.failures[-1]
 
 
 @pytest.mark.slow
@@ -107,10 +117,10 @@ def test_the_last_link_looks_along_the_wanted_direction_or_how_far_off_it_is_is_
     spine = kinematics.spine_points(workspace.arm, made.plan.joints[-1])[0]
     link = (spine[-1] - spine[-2]) / np.linalg.norm(spine[-1] - spine[-2])
     assert math.degrees(math.acos(min(link[1], 1.0))) < 1.0
-    # Straight at the payload: the gap is hardly wider than a link is long.
-    config.goals[0].looks_along = [1.0, 0.0, 0.0]
+    # Straight at the payload's axis: the gap is hardly wider than a link is long.
+    config.goals[0].looks_along = [0.985, -0.174, 0.0]
     found = plan_motion(config, workspace)
-    assert "deg off; must be 10 deg or less" in found.failures[0]
+    assert any("deg off; must be 10 deg or less" in said for said in found.failures)
 
 
 @pytest.fixture(scope="module")
