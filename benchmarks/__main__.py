@@ -14,7 +14,15 @@ import logging
 import sys
 from pathlib import Path
 
-from benchmarks import command_line, follow_the_leader, full_twin, planning, postures, report
+from benchmarks import (
+    command_line,
+    follow_the_leader,
+    full_twin,
+    planning,
+    postures,
+    report,
+    teleoperation,
+)
 from benchmarks.measuring import describe_machine
 
 BENCHMARKS = {
@@ -22,6 +30,7 @@ BENCHMARKS = {
     "full_twin": full_twin.measure,
     "postures": postures.measure,
     "planning": planning.measure,
+    "teleoperation": teleoperation.measure,
     "command_line": command_line.measure,
 }
 
