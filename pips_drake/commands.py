@@ -130,6 +130,8 @@ class Plan:
 
     scenario: Annotated[tyro.conf.Positional[str], _word("SCENARIO")]
     """A shipped scenario that states goals (see `pips list`), or a YAML file."""
+    goal: Annotated[tuple[float, float, float] | None, _word("X Y Z")] = None
+    """Another goal than the scenario's, in frame 0, m; for no particular viewing direction."""
     out: Annotated[Path | None, _word("DIR")] = None
     """Folder to write; out/plan_SCENARIO by default."""
     overrides: _Overrides = field(default_factory=list)
@@ -145,7 +147,7 @@ class Plan:
 
         loaded = load_scenario(self.scenario, _parse_overrides(self.overrides), scene=self.scene)
         out = self.out or Path("out") / f"plan_{loaded.name}"
-        verdict = plan(loaded, out=out, force=self.force)
+        verdict = plan(loaded, out=out, force=self.force, goal=self.goal)
         return report(verdict, PLAN_LINES, own_scene=self.scene is not None)
 
 

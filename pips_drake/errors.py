@@ -13,6 +13,8 @@ from collections.abc import Sequence
 
 #: Longer texts are cut short where a message quotes them.
 LONGEST_QUOTE = 100
+#: So are lists of what there is.
+LONGEST_LIST = 400
 
 
 class PipsError(Exception):
@@ -39,9 +41,8 @@ class UnknownNameError(InputError):
         shown = shorten(name)
         close = difflib.get_close_matches(shown, self.known, n=1)
         hint = f" (did you mean '{close[0]}'?)" if close else ""
-        super().__init__(
-            f"unknown {kind} '{shown}'{hint}; known: {', '.join(self.known) or 'none'}"
-        )
+        listed = shorten(", ".join(self.known), LONGEST_LIST) or "none"
+        super().__init__(f"unknown {kind} '{shown}'{hint}; known: {listed}")
 
 
 def shorten(text: str, longest: int = LONGEST_QUOTE) -> str:

@@ -9,14 +9,14 @@ From Python, what `pips simulate trajectory_4` does:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pips_drake.config import load_plain, load_yaml
 from pips_drake.errors import InputError, UnknownNameError
-from pips_drake.planning.scenario import PlannerScenario
+from pips_drake.planning.scenario import PlannerScenario, with_goal
 from pips_drake.scene.packages import (
     find_scenario_file,
     find_scene_file,
@@ -158,11 +158,20 @@ def simulate(
     )
 
 
-def plan(scenario: LoadedScenario, *, out: str | Path, force: bool = False) -> Verdict:
+def plan(
+    scenario: LoadedScenario,
+    *,
+    out: str | Path,
+    force: bool = False,
+    goal: Sequence[float] | None = None,
+) -> Verdict:
     """Plans the motion of a scenario that states goals, and writes its folder.
 
+    Args:
+        goal: instead of the scenario's goals, scan or path: a point in frame 0, (3,) m.
+
     Raises:
-        InputError: it states none.
+        InputError: it states none, or the goal is not a point.
     """
     run = MACHINES[scenario.machine].plan
     if run is None:
@@ -171,8 +180,9 @@ def plan(scenario: LoadedScenario, *, out: str | Path, force: bool = False) -> V
             f"{scenario.name}: machine = {scenario.machine}, whose scenarios state their motion; "
             f"must be {' or '.join(known)}"
         )
+    config = scenario.config if goal is None else with_goal(scenario.config, goal)
     return run(
-        scenario.config,
+        config,
         name=scenario.name,
         out=Path(out),
         force=force,

@@ -2,9 +2,10 @@
 # Annotations must be real types here: pydrake's YAML reader does not resolve strings.
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
-from pips_drake.config import require
+from pips_drake.config import require, validate
 from pips_drake.scene.obstacles import ObstacleConfig
 from pips_drake.serpentine.mounting import mounting_rotation
 from pips_drake.serpentine.scenario import (
@@ -325,3 +326,18 @@ def goal_point(scenario: PlannerScenario, goal: GoalConfig) -> list[float]:
     x, y = scenario.workspace.axis_m
     angle = math.radians(around)
     return [x + out * math.cos(angle), y + out * math.sin(angle), along]
+
+
+def with_goal(scenario: PlannerScenario, point: Sequence[float]) -> PlannerScenario:
+    """The scenario with a single goal instead of what it wants.
+
+    Args:
+        point: in frame 0, (3,) m.
+
+    Raises:
+        InputError: not three finite numbers.
+    """
+    goal = GoalConfig(point_m=[float(value) for value in point])
+    changed = replace(scenario, goals=[goal], scan=ScanConfig(), improve="")
+    validate(changed)
+    return changed

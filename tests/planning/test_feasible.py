@@ -53,6 +53,7 @@ def occupancy():
 SIDEWAYS = in_the_gap(100.0, 0.6)
 
 
+@pytest.mark.slow
 def test_a_bend_beyond_the_joints_is_widened_until_they_can_follow(arm, occupancy):
     plain = plan_to_goal(arm, occupancy, SIDEWAYS, home_tip=HOME)
     assert any("leaves its limits" in words for words in plain.plan.failures)

@@ -13,9 +13,11 @@ from pips_drake.planning.scenario import (
     ORIGINS,
     GoalConfig,
     PlannerScenario,
+    ScanConfig,
     WorkspaceConfig,
     goal_point,
     serpentine_scenario,
+    with_goal,
 )
 from pips_drake.scenarios import load_scenario, plan, scenario_descriptions
 
@@ -109,6 +111,18 @@ def test_what_is_planned_is_run_as_the_scenario_says():
         "pad",
     )
     assert run.motion.tip_speed_mm_per_s == 40.0 and run.checks.clearance_min_mm == 31.0
+
+
+def test_another_goal_stands_for_all_that_a_scenario_wants():
+    scenario = make(goals=[GoalConfig(name="a", point_m=[0.0] * 3)])
+    changed = with_goal(scenario, (1.0, 2.0, 3.0))
+    assert [goal.point_m for goal in changed.goals] == [[1.0, 2.0, 3.0]]
+    assert scenario.goals[0].name == "a"
+    scanned = make(goals=[], scan=ScanConfig(pattern="helix", radius_m=1.0, along_m=[0.0, 1.0]))
+    validate(scanned)
+    assert with_goal(scanned, (1.0, 2.0, 3.0)).scan.pattern == ""
+    with pytest.raises(InputError, match="must be a finite number"):
+        with_goal(scenario, (np.nan, 0.0, 0.0))
 
 
 def test_the_rules_are_the_planner_s():
