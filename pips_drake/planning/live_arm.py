@@ -26,6 +26,7 @@ stops the arm at once.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -114,6 +115,16 @@ class LiveArm:
     def shift(self) -> Array:
         """From frame {0} to the scene's frame, (3,) m."""
         return self._shift
+
+    def among(self, obstacles: SignedDistanceField) -> LiveArm:
+        """The same arm among other obstacles, for example with one that an operator has moved.
+
+        A state goes on from one to the other. Where the arm already is nearer to a new obstacle
+        than it may come, no posture is taken until that is moved away.
+        """
+        other = copy(self)
+        other.obstacles = obstacles
+        return other
 
     def lay(self, path: ArrayLike, *, extended: float = 0.0, settled: bool = False) -> LiveState:
         """An arm on a path of the tip.

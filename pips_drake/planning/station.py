@@ -26,7 +26,7 @@ from pips_drake.serpentine.systems.motion_supervisor import MotionSupervisor
 from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 
 #: What an operator may do, as inputs of the station.
-OPERATOR_PORTS = ("goal", "pull", "nails", "tension", "bending_stiffness", "reach")
+OPERATOR_PORTS = ("goal", "pull", "nails", "obstacles", "tension", "bending_stiffness", "reach")
 _OUTPUTS = (
     "snake_teleoperator.joint_state",
     "snake_teleoperator.tip",
@@ -60,8 +60,8 @@ def MakeTeleoperationStation(
     Systems, by name: `snake_teleoperator`, `actuator_length_map`, what `AddActuation` adds,
     `plant`, `scene_graph`, `actuator_visualizer`, `clearance_monitor` and `motion_supervisor`.
 
-    Input ports, all optional: `snake_teleoperator.goal`, `.pull`, `.nails`, `.tension`,
-    `.bending_stiffness` and `.reach`, which reach the teleoperator as they are, and
+    Input ports, all optional: `snake_teleoperator.goal`, `.pull`, `.nails`, `.obstacles`,
+    `.tension`, `.bending_stiffness` and `.reach`, which reach the teleoperator as they are, and
     `snake_teleoperator.command`, which does as far as the supervisor lets it: what holds the
     supervisor's word stops snake and tip alike, and where it goes back, it goes back along the
     snake as it lies.

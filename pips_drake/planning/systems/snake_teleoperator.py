@@ -15,6 +15,7 @@ from pips_drake.planning.extension import Extending
 from pips_drake.planning.live_arm import LiveArm
 from pips_drake.planning.live_snake import Wish
 from pips_drake.planning.live_state import LiveState
+from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine.motion_words import EXTENDING, RETRACTING, RUN
 
 Array = NDArray[np.float64]
@@ -43,6 +44,7 @@ class SnakeTeleoperator(LeafSystem):
         - goal
         - pull
         - nails
+        - obstacles
         - tension
         - bending_stiffness
         - reach
@@ -62,6 +64,9 @@ class SnakeTeleoperator(LeafSystem):
     - `pull`, (6,): a place, m, whose nearest point of the snake is pulled, and the force there, N.
     - `nails`: abstract `Value[object]` that holds places (K, 3), m, to which the nearest points of
       the snake go, and where they stay; a place that is left out lets its point go.
+    - `obstacles`: abstract `Value[object]` that holds a `SignedDistanceField` in the scene's frame:
+      the scene as it is now, with obstacles placed, moved or removed (`planning.obstacles`); the
+      live arm's own when unconnected.
     - `tension`, (1,): elasticity, N, of all of the snake.
     - `bending_stiffness`, (1,): rigidity, N m^2, of all of the snake.
     - `reach`, (1,): how far from home the tip may go, m.
@@ -102,6 +107,7 @@ class SnakeTeleoperator(LeafSystem):
         self._goal = self.DeclareVectorInputPort("goal", 3)
         self._pull = self.DeclareVectorInputPort("pull", 6)
         self._nails = self.DeclareAbstractInputPort("nails", AbstractValue.Make(object()))
+        self._obstacles = self.DeclareAbstractInputPort("obstacles", AbstractValue.Make(object()))
         self._numbers = {
             name: self.DeclareVectorInputPort(name, 1)
             for name in ("tension", "bending_stiffness", "reach", "command", "speed_share")
@@ -163,7 +169,16 @@ class SnakeTeleoperator(LeafSystem):
             share = float(self._numbers["speed_share"].Eval(context)[0])
             require(0.0 < share <= 1.0, "SnakeTeleoperator.speed_share", share, "> 0 and <= 1")
         _, before = self._read(context)
-        after = self._live_arm.tick(before, self._wish(context), speed_share=share)
+        live_arm = self._live_arm
+        if self._obstacles.HasValue(context):
+            field = self._obstacles.Eval(context)
+            if not isinstance(field, SignedDistanceField):
+                raise InputError(
+                    f"SnakeTeleoperator.obstacles = {type(field).__name__}; must be a "
+                    "SignedDistanceField"
+                )
+            live_arm = live_arm.among(field)
+        after = live_arm.tick(before, self._wish(context), speed_share=share)
         value = state.get_mutable_abstract_state(int(self._state))
         value.set_value((context.get_time(), after))
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.value import Value
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from pips_drake.errors import InputError
@@ -15,6 +17,7 @@ from pips_drake.planning.extension import Extending
 from pips_drake.planning.live_snake import Wish
 from pips_drake.planning.live_state import LiveArmSettings
 from pips_drake.planning.systems.snake_teleoperator import STATUS, SnakeTeleoperator
+from pips_drake.scene.signed_distance import PlacedShape
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.motion_words import EXTEND, EXTENDING, HOLD, RETRACT, RETRACTING
@@ -163,3 +166,37 @@ def test_bad_inputs_say_what_is_wrong(system, port, value, words):
     system.GetInputPort(port).FixValue(simulator.get_mutable_context(), value)
     with pytest.raises(InputError, match=words):
         simulator.AdvanceTo(PERIOD)
+
+
+def test_obstacles_that_are_placed_while_it_runs_push_the_snake_and_keep_the_arm_clear(
+    system, live, start
+):
+    # A ball against the wall, 0.3 m beside the middle of what the arm has yet to pass.
+    middle = start.live.snake.points[len(start.live.snake.points) * 3 // 4]
+    ball = PlacedShape("ball", "", Sphere(0.1), RigidTransform(middle + np.array([0.0, 0.3, 0.0])))
+    placed = live.obstacles.with_shapes([ball])
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    port = system.GetInputPort("obstacles")
+    port.FixValue(context, Value[object](placed))
+    simulator.AdvanceTo(3.0)
+    moved = system.live_state(context)
+    assert moved.clearance >= live.settings.clearance
+    aside = moved.live.snake.points[:, 1].min()
+    # Pushed away from the ball, by more than the points' own rest.
+    assert aside < start.live.snake.points[:, 1].min() - 0.01
+    assert placed.distances(moved.live.snake.points).min() > 0.2
+    # Removed, it lets the snake come back.
+    port.FixValue(context, Value[object](live.obstacles))
+    simulator.AdvanceTo(6.0)
+    back = system.live_state(context).live.snake.points
+    assert back[:, 1].min() > aside + 0.005
+
+
+def test_obstacles_that_are_none_are_refused(system):
+    simulator = Simulator(system)
+    system.GetInputPort("obstacles").FixValue(
+        simulator.get_mutable_context(), Value[object]("a ball")
+    )
+    with pytest.raises(InputError, match=r"obstacles = str; must be a SignedDistanceField"):
+        simulator.AdvanceTo(0.1)
