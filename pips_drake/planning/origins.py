@@ -13,8 +13,9 @@ never grows with s, and the second never falls: the least tip travel is from whe
 where that gains nothing: so it is drawn back no farther than to where the exposed length is the
 least but for a small share, which halving finds. (Where ways slide into each other, `retraction`,
 an arm need not be drawn back even so far: but only if it moves sideways with its snake, which makes
-what is kept of the line as short as it would be from the base. Here the line stays as it lies.)
-When the way from the tip needs more arm than there is, the arm is drawn back after all.
+what is kept of the line as short as it would be from the base. Here the line stays as it lies; who
+wants the document's rule all the same has it as `OriginRule.SAME_CLASS`.) When the way from there
+needs more arm than there is, the arm is drawn back after all.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.planning.grid_search import NoPathError, find_path, nearest_free_cells
 from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.quick_pull import pull_quickly
+from pips_drake.planning.retraction import retraction_point
 
 Array = NDArray[np.float64]
 
@@ -43,6 +45,8 @@ class OriginRule(Enum):
 
     LEAST_TIP_TRAVEL = "least_tip_travel"
     LEAST_EXPOSED_LENGTH = "least_exposed_length"
+    #: Not farther out than where the base's own way begins to differ (`retraction`, Figure 3.3).
+    SAME_CLASS = "same_class"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +99,11 @@ def extend(
     search = _Search(occupancy, points, np.asarray(goal, dtype=np.float64))
     if rule is OriginRule.LEAST_TIP_TRAVEL:
         found = search.begin_at(search.length, rule)
+        if found.exposed_length <= arm_length:
+            return found
+    if rule is OriginRule.SAME_CLASS and len(points) > 1:
+        where = retraction_point(occupancy, points, goal).origin
+        found = search.begin_at(where, rule)
         if found.exposed_length <= arm_length:
             return found
     rule = OriginRule.LEAST_EXPOSED_LENGTH

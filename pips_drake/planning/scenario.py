@@ -25,7 +25,7 @@ from pips_drake.serpentine.supervisor_config import SupervisorConfig
 #: What `workspace.kind` may say.
 WORKSPACES = ("unfolded", "box")
 #: What `origin` may say: `planning.origins.OriginRule`, which takes a compiler to load.
-ORIGINS = ("least_tip_travel", "least_exposed_length")
+ORIGINS = ("least_tip_travel", "least_exposed_length", "same_class")
 #: What `scan.pattern` may say.
 PATTERNS = ("raster", "helix", "points")
 #: Finest and coarsest cells, mm.
@@ -226,7 +226,8 @@ class PlannerScenario:
     goals: list[GoalConfig] = field(default_factory=list)
     scan: ScanConfig = field(default_factory=ScanConfig)
     # What is kept small from one goal to the next: least_tip_travel or least_exposed_length
-    # (CMU-92 section 3.3).
+    # (CMU-92 section 3.3). same_class: the arm draws back no farther than to where the way from its
+    # base would take it (Figure 3.3).
     origin: str = "least_tip_travel"
     # How many paths of different homotopy are looked for to a single goal, and which one is taken;
     # 0: the shortest that the arm can follow and its drives can hold.

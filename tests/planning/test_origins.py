@@ -14,6 +14,7 @@ from pips_drake.planning.grid import Grid
 from pips_drake.planning.grid_search import NoPathError
 from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.origins import SAME_LENGTH, OriginRule, extend
+from pips_drake.planning.retraction import retraction_point
 from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
 
 from .gap import ARM, bare_gap, dense, taut_length, unfolded_grid
@@ -142,3 +143,27 @@ def test_lines_and_goals_of_no_use_are_refused(room):
     blocked = Occupancy.of(room.field.with_shapes([wall]), room.grid, RADIUS)
     with pytest.raises(NoPathError, match="in the way: across"):
         extend(blocked, LINE[:1], [1.6, 0.4, 0.3], rule=EXPOSED)
+
+
+def test_same_class_draws_back_to_where_the_base_s_own_way_would_begin_to_differ(room):
+    """Around the payload to one side; the base itself would go around the other side."""
+    gap = Occupancy.of(bare_gap(), unfolded_grid((120, 120, 8)), ARM)
+    turn, out = np.linspace(0.0, 2.0, 60), 2.02
+    line = np.column_stack([out * np.cos(turn), out * np.sin(turn), np.linspace(-1.0, 0.0, 60)])
+    goal = [out * math.cos(-2.6), out * math.sin(-2.6), 0.0]
+    found = extend(gap, line, goal, rule=OriginRule.SAME_CLASS)
+    assert found.rule is OriginRule.SAME_CLASS
+    assert found.origin == retraction_point(gap, line, goal).origin
+    on, back = extend(gap, line, goal, rule=TIP), extend(gap, line, goal, rule=EXPOSED)
+    assert back.origin < found.origin < on.origin
+    assert back.exposed_length < found.exposed_length < on.exposed_length
+    assert on.tip_travel < found.tip_travel < back.tip_travel
+    # From there it goes the base's way, to negative y0; from the tip it would go on.
+    assert found.path[len(found.path) // 2, 1] < 0.0 < on.path[1, 1]
+    # Where that needs too much arm, it is drawn back farther.
+    length_there = found.exposed_length - 0.01
+    short = extend(gap, line, goal, rule=OriginRule.SAME_CLASS, arm_length=length_there)
+    assert short.rule is EXPOSED
+    # In a room in which ways cannot differ it goes on from where it is.
+    beyond = extend(room, LINE, [3.6, 1.5, 0.3], rule=OriginRule.SAME_CLASS)
+    assert beyond.origin == pytest.approx(length(LINE))
