@@ -16,7 +16,13 @@ from benchmarks.report import BEGIN, END, markdown, put_into
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Measurements that nothing stands beside.
-ALONE = ("a_star_to_rest", "goal_moved", "goal_to_certified", "files_to_certified")
+ALONE = (
+    "a_star_to_rest",
+    "goal_moved",
+    "goal_to_certified",
+    "files_to_certified",
+    "teleoperation_tick",
+)
 
 
 def _line(**other: object) -> Line:
@@ -118,6 +124,7 @@ def test_everything_is_measured_and_printed(quick, measured):
         "goal_moved",
         "goal_to_certified",
         "files_to_certified",
+        "teleoperation_tick",
         "help_drake",
         "help_nothing",
     ]
