@@ -24,7 +24,7 @@ from pips_drake.serpentine.motion_words import EXTEND
 POINTS, LENGTH, EXTENDED = 200, 8.0, 6.0
 #: Before the cargo bay's port, in the scene's frame, m.
 HOME_TIP = np.array([0.412877, 0.0, 4.4425])
-#: Of 30 pictures a second, ms: the issue's limit; and what is aimed for.
+#: As long as one of 30 pictures a second is shown, ms; and what is aimed for.
 LIMIT, AIM = 33.0, 10.0
 
 
