@@ -318,7 +318,7 @@ def test_help_loads_nothing_that_takes_long(tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_trajectory_4_from_start_to_end(pips_here, tmp_path):
-    """The main job: out, dwell and back beside the payload, with what issue 2 asks for."""
+    """The main job: out, dwell and back beside the payload."""
     outcome = pips_here("simulate", "trajectory_4")
     assert outcome.code == 0, outcome
     folder = tmp_path / "out" / "trajectory_4"

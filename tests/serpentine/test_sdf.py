@@ -119,7 +119,7 @@ def test_frames_are_the_plants(plants, random_postures, name):
         plant.SetPositions(context, q)
         for body, frame in zip(arm.bodies, frames, strict=True):
             X_0B = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(body.name))
-            # The issue asks for 1e-9 m; both are products of some 20 matrices of doubles, and poses
+            # 1e-9 m is asked for; both are products of some 20 matrices of doubles, and poses
             # stand in the SDF as the shortest text of the same double.
             np.testing.assert_allclose(X_0B.GetAsMatrix4(), frame, rtol=0, atol=1e-13)
 

@@ -63,7 +63,7 @@ def test_on_the_move_the_arm_follows_the_plan_within_the_latency_and_a_millimetr
     # Documented: at most 3 control periods and 2 plant steps behind, at the tip's speed.
     latency = 3.0 / 64.0 + 2.0 / 512.0
     assert error.max() < 0.040 * latency + 1e-3
-    # And the issue's bound for it all.
+    # And the bound for it all.
     assert error.max() < 10e-3
 
 
@@ -147,7 +147,7 @@ def test_trajectory_4_out_and_back_keeps_to_the_plan_and_within_the_drives():
         clearances.append(bench["clearance_monitor.clearance"])
         assert not bench["actuator_servo.saturation"].any()
     assert bench["tip_path_source.phase"][0] == DONE
-    # The issue: within 10 mm of the plan with compensation on.
+    # Within 10 mm of the plan with compensation on.
     assert max(errors) < 10e-3
     assert np.max(fractions) < 1.0
     least = np.min(clearances, axis=0)
