@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from pips_drake.twin.figures import COLORS, MUTED_COLOR
 
@@ -84,7 +85,9 @@ def draw(results: Sequence[dict[str, Any]], file: Path) -> None:
                     axes.plot(one.get("total_s", 0.0), y, "x", color=MUTED_COLOR, ms=4.0)
         if key == "total_s":
             axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter("")
         else:
             axes.set_xlim(left=0.0)
         axes.set_xlabel(f"{what}, {unit}", fontsize=8.0)
