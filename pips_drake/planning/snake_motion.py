@@ -31,7 +31,8 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg import LinAlgError
+from scipy.linalg.lapack import dpbsv
 
 from pips_drake.errors import InputError
 from pips_drake.planning.potential_field import DistanceField, Repulsion
@@ -54,6 +55,7 @@ _MOST_REPEATS = 40
 _MOST_CHANGES = 100
 #: By so much an energy may seem to rise by rounding.
 _ROUNDING = 1e-12
+_UNIT = np.eye(3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +178,7 @@ def _internal_energy(points, tension, bending_stiffness, h):
 
 def _implicit_step(snake: Snake, felt: _Felt, gain: float) -> Array:
     """Points (N, 3) after (K + G) v' = G v + F with g = `gain`, nailed ones where they are."""
-    blocks = felt.stiffness + gain * np.eye(3)
+    blocks = felt.stiffness + gain * _UNIT
     bands, right = _banded(
         snake.points,
         snake.nailed,
@@ -186,9 +188,10 @@ def _implicit_step(snake: Snake, felt: _Felt, gain: float) -> Array:
         blocks,
         felt.force,
     )
-    after = solveh_banded(
-        bands, right, lower=True, overwrite_ab=True, overwrite_b=True, check_finite=False
-    )
+    # What `scipy.linalg.solveh_banded` calls; its looks at the arguments are a tenth of a step.
+    _, after, failed = dpbsv(bands, right, lower=1, overwrite_ab=1, overwrite_b=1)
+    if failed:
+        raise LinAlgError(f"a snake's equations have no stable solution (dpbsv: {failed})")
     points: Array = after.reshape(-1, 3)
     points[snake.nailed] = snake.points[snake.nailed]
     return points
