@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 from pips_drake.config import require, validate
 from pips_drake.scene.obstacles import ObstacleConfig
@@ -236,7 +236,8 @@ class PlannerScenario:
     # A path of your own, a shipped name or a file, that is improved instead of searched for one.
     improve: str = ""
     snake: SnakeConfig = field(default_factory=SnakeConfig)
-    # As in a serpentine scenario: how the planned motion is run, judged and shown.
+    # How the planned motion is run, judged and shown: a serpentine scenario gets every field that
+    # has a name of its own.
     mounting: str = "laboratory"
     mounting_position_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     motion: MotionConfig = field(default_factory=MotionConfig)
@@ -291,31 +292,16 @@ def serpentine_scenario(
         joints: the planned joints' file.
         rail_shift: where the rail stands then, m along z0.
     """
+    here, there = (
+        {item.name for item in fields(schema)} for schema in (PlannerScenario, SerpentineScenario)
+    )
     return SerpentineScenario(
-        description=scenario.description,
-        arm=scenario.arm,
+        **{name: getattr(scenario, name) for name in here & there - {"machine"}},
         path=path,
         joints=joints,
         rail_shift_m=rail_shift,
-        scene=scenario.scene,
-        decompose_meshes=scenario.decompose_meshes,
         # The planner's paths are dense; their arcs are as wide as their points let them be.
         corner_deviation_in=100.0,
-        mounting=scenario.mounting,
-        mounting_position_m=scenario.mounting_position_m,
-        motion=scenario.motion,
-        solver=scenario.solver,
-        actuation=scenario.actuation,
-        clocks=scenario.clocks,
-        integration=scenario.integration,
-        checks=scenario.checks,
-        supervisor=scenario.supervisor,
-        certificate=scenario.certificate,
-        view=scenario.view,
-        camera=scenario.camera,
-        clearance_range_m=scenario.clearance_range_m,
-        duration_s=scenario.duration_s,
-        seed=scenario.seed,
     )
 
 

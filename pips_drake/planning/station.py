@@ -20,10 +20,13 @@ from pips_drake.serpentine.station import (
     SerpentineSetup,
     make_plant,
 )
-from pips_drake.serpentine.station.supervision import supervision_latency, supervision_period
+from pips_drake.serpentine.station.supervision import (
+    SUPERVISOR_PORTS,
+    AddClearanceMonitor,
+    AddMotionSupervisor,
+    supervision_latency,
+)
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
-from pips_drake.serpentine.systems.motion_supervisor import MotionSupervisor
-from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 
 #: What an operator may do, as inputs of the station.
 OPERATOR_PORTS = ("goal", "pull", "nails", "obstacles", "tension", "bending_stiffness", "reach")
@@ -40,11 +43,7 @@ _OUTPUTS = (
     "actuator_force_map.drive_effort",
     "clearance_monitor.clearance",
     "clearance_monitor.witness",
-    "motion_supervisor.command",
-    "motion_supervisor.speed_share",
-    "motion_supervisor.mode",
-    "motion_supervisor.cause",
-    "motion_supervisor.measured",
+    *SUPERVISOR_PORTS,
 )
 
 
@@ -113,43 +112,26 @@ def MakeTeleoperationStation(
         period=control,
     )
     latency = supervision_latency(scenario.clocks) + 2.0 * live_arm.settings.period
-    monitor = builder.AddNamedSystem(
-        "clearance_monitor",
-        ClearanceMonitor(
-            plant,
-            robot=[model],
-            max_distance=scenario.clearance_range_m,
-            lookahead=scenario.supervisor.thresholds(latency).stopping_time,
-            period=1.0 / scenario.clocks.clearance_hz,
-        ),
+    monitor = AddClearanceMonitor(
+        builder,
+        plant=plant,
+        scene_graph=scene_graph,
+        model=model,
+        scenario=scenario,
+        latency=latency,
     )
-    builder.Connect(scene_graph.get_query_output_port(), monitor.GetInputPort("query_object"))
-    builder.Connect(plant.get_body_poses_output_port(), monitor.GetInputPort("body_poses"))
-    builder.Connect(
-        plant.get_body_spatial_velocities_output_port(),
-        monitor.GetInputPort("body_spatial_velocities"),
+    supervisor = AddMotionSupervisor(
+        builder,
+        arm=arm,
+        scenario=scenario,
+        source=operator,
+        monitor=monitor,
+        commanded_joint_state=joint_state,
+        joint_state=plant.get_state_output_port(model),
+        drive_effort=actuation.drive_effort,
+        brake=actuation.brake,
+        latency=latency,
     )
-    period, offset = supervision_period(scenario.clocks)
-    supervisor = builder.AddNamedSystem(
-        "motion_supervisor",
-        MotionSupervisor(
-            arm, config=scenario.supervisor, latency=latency, period=period, offset=offset
-        ),
-    )
-    for output, name in (
-        (monitor.GetOutputPort("clearance"), "clearance"),
-        (monitor.GetOutputPort("urgent"), "urgent"),
-        (monitor.GetOutputPort("own_urgent"), "own_urgent"),
-        (joint_state, "commanded_joint_state"),
-        (plant.get_state_output_port(model), "joint_state"),
-        (actuation.drive_effort, "drive_effort"),
-        (operator.GetOutputPort("tip"), "tip"),
-        (operator.GetOutputPort("phase"), "phase"),
-    ):
-        builder.Connect(output, supervisor.GetInputPort(name))
-    for name in ("command", "speed_share"):
-        builder.Connect(supervisor.GetOutputPort(name), operator.GetInputPort(name))
-    builder.Connect(supervisor.GetOutputPort("brake"), actuation.brake)
     builder.ExportInput(supervisor.GetInputPort("operator_command"), "snake_teleoperator.command")
     for name in OPERATOR_PORTS:
         builder.ExportInput(operator.GetInputPort(name), f"snake_teleoperator.{name}")

@@ -17,11 +17,10 @@ from pips_drake.serpentine.station.prismatic_legs import legs_name
 from pips_drake.serpentine.station.setup import SerpentineSetup, built_arm, load_setup
 from pips_drake.serpentine.station.supervision import (
     SUPERVISOR_PORTS,
+    AddClearanceMonitor,
     AddMotionSupervisor,
-    supervision_latency,
 )
 from pips_drake.serpentine.systems.actuator_length_map import ActuatorLengthMap
-from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 
 #: How often a run's drawn actuators move, and those who watch it live are told, s. Twice as often
 #: would take a twentieth more time (measured), and a run goes several times as fast as the clock.
@@ -138,21 +137,8 @@ def MakeSerpentineStation(
         built=built_arm(setup, scenario.faults),
     )
     AddDisturbances(builder, plant=plant, model=model, arm=arm, faults=scenario.faults)
-    monitor = builder.AddNamedSystem(
-        "clearance_monitor",
-        ClearanceMonitor(
-            plant,
-            robot=[model],
-            max_distance=scenario.clearance_range_m,
-            lookahead=_lookahead(scenario),
-            period=1.0 / scenario.clocks.clearance_hz,
-        ),
-    )
-    builder.Connect(scene_graph.get_query_output_port(), monitor.GetInputPort("query_object"))
-    builder.Connect(plant.get_body_poses_output_port(), monitor.GetInputPort("body_poses"))
-    builder.Connect(
-        plant.get_body_spatial_velocities_output_port(),
-        monitor.GetInputPort("body_spatial_velocities"),
+    monitor = AddClearanceMonitor(
+        builder, plant=plant, scene_graph=scene_graph, model=model, scenario=scenario
     )
     operator = source.GetInputPort("command")
     if scenario.supervisor.enabled:
@@ -205,13 +191,6 @@ def MakeSerpentineStation(
     diagram = builder.Build()
     diagram.set_name("serpentine_station")
     return diagram
-
-
-def _lookahead(scenario: SerpentineScenario) -> float:
-    """How far ahead clearances are looked at, s: until the arm has come to rest."""
-    if not scenario.supervisor.enabled:
-        return 0.0
-    return scenario.supervisor.thresholds(supervision_latency(scenario.clocks)).stopping_time
 
 
 def MakeSimulator(diagram: Diagram, scenario: SerpentineScenario) -> Simulator:

@@ -1,12 +1,16 @@
-"""The supervisor in the station: what it sees, and how late the plant answers it."""
+"""Supervisor and clearance monitor: what they see, and how late the plant answers them."""
 
 from __future__ import annotations
 
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.scenario import ClockConfig, SerpentineScenario
 from pips_drake.serpentine.systems.motion_supervisor import MotionSupervisor
+from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 
 #: The station's output ports that come with a supervisor.
 SUPERVISOR_PORTS = tuple(
@@ -45,15 +49,18 @@ def AddMotionSupervisor(
     joint_state: OutputPort,
     drive_effort: OutputPort,
     brake: InputPort,
+    latency: float | None = None,
 ) -> MotionSupervisor:
-    """Adds a supervisor between the operator's command and the path source.
+    """Adds a supervisor between the operator's command and what moves the tip.
 
     Args:
-        source: the `TipPathSource`; its command and its share of speed are the supervisor's.
+        source: a `TipPathSource` or what has its ports; its command and its share of speed are the
+            supervisor's.
         monitor: the `ClearanceMonitor`.
         commanded_joint_state, joint_state: where the drives are sent, and where the arm is.
         drive_effort: efforts of the drives.
         brake: of the drives' servos (`ActuationPorts.brake`), which a stop sets.
+        latency: until the plant answers, s; `supervision_latency` by default.
     """
     period, offset = supervision_period(scenario.clocks)
     supervisor = builder.AddNamedSystem(
@@ -61,7 +68,7 @@ def AddMotionSupervisor(
         MotionSupervisor(
             arm,
             config=scenario.supervisor,
-            latency=supervision_latency(scenario.clocks),
+            latency=supervision_latency(scenario.clocks) if latency is None else latency,
             period=period,
             offset=offset,
         ),
@@ -81,3 +88,41 @@ def AddMotionSupervisor(
         builder.Connect(supervisor.GetOutputPort(name), source.GetInputPort(name))
     builder.Connect(supervisor.GetOutputPort("brake"), brake)
     return supervisor
+
+
+def AddClearanceMonitor(
+    builder: DiagramBuilder,
+    *,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    scenario: SerpentineScenario,
+    latency: float | None = None,
+) -> ClearanceMonitor:
+    """Adds a monitor of the arm's clearance to the scene and to itself.
+
+    Args:
+        model: the arm.
+        latency: as of `AddMotionSupervisor`, which looks ahead until the arm has come to rest.
+    """
+    lookahead = 0.0
+    if scenario.supervisor.enabled:
+        late = supervision_latency(scenario.clocks) if latency is None else latency
+        lookahead = scenario.supervisor.thresholds(late).stopping_time
+    monitor = builder.AddNamedSystem(
+        "clearance_monitor",
+        ClearanceMonitor(
+            plant,
+            robot=[model],
+            max_distance=scenario.clearance_range_m,
+            lookahead=lookahead,
+            period=1.0 / scenario.clocks.clearance_hz,
+        ),
+    )
+    for output, name in (
+        (scene_graph.get_query_output_port(), "query_object"),
+        (plant.get_body_poses_output_port(), "body_poses"),
+        (plant.get_body_spatial_velocities_output_port(), "body_spatial_velocities"),
+    ):
+        builder.Connect(output, monitor.GetInputPort(name))
+    return monitor
