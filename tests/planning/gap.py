@@ -15,6 +15,21 @@ WALL, PAYLOAD, LENGTH, ARM, STAVES = 2.286, 1.79, 18.288, 0.1, 36
 FACE = WALL * np.cos(np.pi / STAVES)
 
 
+#: Between payload and wall.
+MIDDLE = 2.03
+
+
+def at(around, along, out=MIDDLE):
+    """A place in the gap, (3,) m."""
+    return np.array([out * np.cos(around), out * np.sin(around), along])
+
+
+def post(name, around, along, width, height):
+    """A box across the gap, `width` around (m) and `height` along."""
+    X_WG = RigidTransform(RollPitchYaw(0.0, 0.0, around), at(around, along))
+    return PlacedShape(name, "", Box(0.7, width, height), X_WG)
+
+
 def bare_gap():
     """No ends: nothing but the gap is inside."""
     shapes = [PlacedShape("payload", "", Cylinder(PAYLOAD, 100.0), RigidTransform())]

@@ -8,7 +8,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 from pydrake.geometry import Box
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 
 from pips_drake.errors import InputError
 from pips_drake.planning.alternatives import find_alternatives
@@ -26,20 +26,7 @@ from pips_drake.scene.signed_distance import (
     read_distance_field,
 )
 
-from .gap import ARM, FACE, PAYLOAD, bare_gap, taut_length
-
-#: Between payload and wall.
-MIDDLE = 2.03
-
-
-def at(around, along, out=MIDDLE):
-    return np.array([out * math.cos(around), out * math.sin(around), along])
-
-
-def post(name, around, along, width, height):
-    """A box across the gap, `width` around (m) and `height` along."""
-    X_WG = RigidTransform(RollPitchYaw(0.0, 0.0, around), at(around, along))
-    return PlacedShape(name, "", Box(0.7, width, height), X_WG)
+from .gap import ARM, FACE, MIDDLE, PAYLOAD, at, bare_gap, post, taut_length
 
 
 def grid(lower=-np.pi, upper=np.pi, shape=(60, 110, 6)):

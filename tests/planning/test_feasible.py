@@ -13,9 +13,7 @@ from pydrake.math import RigidTransform
 
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.planning.feasible import make_feasible, plan_feasibly
-from pips_drake.planning.grid import Grid
 from pips_drake.planning.grid_search import NoPathError, nearest_free_cells
-from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.planner import PlannerSettings, plan_to_goal
 from pips_drake.planning.snake import SnakeSettings
 from pips_drake.scene.packages import find_scene_file
@@ -27,7 +25,7 @@ from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import load_setup
 from pips_drake.twin.clearance import ClearanceQuery
 
-from .test_planner import AXIS_X, BULKHEAD, HOME, in_the_gap
+from .bay import AXIS_X, BULKHEAD, HOME, bay_occupancy, in_the_gap
 
 MARGIN = 0.025
 
@@ -39,14 +37,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def occupancy():
-    grid = Grid(
-        lower=np.array([4.4, -math.pi, 1.5]),
-        upper=np.array([14.0, math.pi, 2.28]),
-        shape=(96, 128, 8),
-        unfolded=True,
-        origin=np.array([AXIS_X, 0.0, 0.0]),
-    )
-    return Occupancy.of(read_distance_field(find_scene_file("cargo_bay")), grid, 0.12)
+    return bay_occupancy()
 
 
 #: Straight behind the port's edge, where the bend at the lead's nail asks too much of a hinge.

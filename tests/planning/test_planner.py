@@ -11,45 +11,26 @@ from pydrake.geometry import Cylinder
 from pydrake.math import RigidTransform
 
 from pips_drake.errors import InputError
-from pips_drake.planning.grid import Grid
 from pips_drake.planning.grid_search import NoPathError
-from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.planner import PlannerSettings, choose_route, plan_along, plan_to_goal
-from pips_drake.scene.packages import find_scene_file
-from pips_drake.scene.signed_distance import PlacedShape, read_distance_field
+from pips_drake.scene.signed_distance import PlacedShape
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.runs.placed_arm import place_arm
 from pips_drake.serpentine.scenario import SerpentineScenario
 from pips_drake.serpentine.station import load_setup
 
-#: Halfway between payload and wall, and where the bay begins, in frame {0} (`cargo_bay.dmd.yaml`).
-AXIS_X, MIDDLE, BULKHEAD = -1.621, 2.034, 4.695
-HOME = [0.412877, 0.0, 4.4425]
+from .bay import AXIS_X, HOME, bay_occupancy, in_the_gap
 
 
 @pytest.fixture(scope="module")
 def occupancy():
-    """The first half of the bay, unfolded; cells of about a decimetre."""
-    grid = Grid(
-        lower=np.array([4.4, -math.pi, 1.5]),
-        upper=np.array([14.0, math.pi, 2.28]),
-        shape=(96, 128, 8),
-        unfolded=True,
-        origin=np.array([AXIS_X, 0.0, 0.0]),
-    )
-    return Occupancy.of(read_distance_field(find_scene_file("cargo_bay")), grid, 0.12)
+    return bay_occupancy()
 
 
 @pytest.fixture(scope="module")
 def arm():
     return load_arm("cmu_92")
-
-
-def in_the_gap(around_deg, along):
-    angle = math.radians(around_deg)
-    x, y = MIDDLE * math.cos(angle), MIDDLE * math.sin(angle)
-    return np.array([AXIS_X + x, y, BULKHEAD + along])
 
 
 @pytest.fixture(scope="module")

@@ -28,18 +28,7 @@ from pips_drake.scene.signed_distance import (
     read_distance_field,
 )
 
-from .gap import ARM, FACE, PAYLOAD, bare_gap
-
-MIDDLE = 2.03
-
-
-def at(around, along, out=MIDDLE):
-    return np.array([out * math.cos(around), out * math.sin(around), along])
-
-
-def post(name, around, along, width, height):
-    X_WG = RigidTransform(RollPitchYaw(0.0, 0.0, around), at(around, along))
-    return PlacedShape(name, "", Box(0.7, width, height), X_WG)
+from .gap import ARM, FACE, PAYLOAD, at, bare_gap, post
 
 
 def gap_with(*posts, shape=(80, 110, 6)):

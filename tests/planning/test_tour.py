@@ -11,14 +11,11 @@ from pydrake.geometry import Box
 from pydrake.math import RigidTransform
 
 from pips_drake.errors import InputError
-from pips_drake.planning.grid import Grid
 from pips_drake.planning.kept_path import continued_path, cut_path
-from pips_drake.planning.occupancy import Occupancy
 from pips_drake.planning.origins import OriginRule
 from pips_drake.planning.planner import plan_along
 from pips_drake.planning.tour import Goal, Tour, plan_tour
-from pips_drake.scene.packages import find_scene_file
-from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField, read_distance_field
+from pips_drake.scene.signed_distance import PlacedShape, SignedDistanceField
 from pips_drake.serpentine import kinematics
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
@@ -28,7 +25,7 @@ from pips_drake.serpentine.station import load_setup
 from pips_drake.serpentine.tip_path import PathBuilder, blended_path
 from pips_drake.twin.clearance import ClearanceQuery
 
-from .test_planner import AXIS_X, HOME, in_the_gap
+from .bay import AXIS_X, HOME, bay_occupancy, in_the_gap
 
 MARGIN, SPEED, RAMP, RATE = 0.025, 0.05, 1.0, 32.0
 GOALS = [
@@ -45,14 +42,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def occupancy():
-    grid = Grid(
-        lower=np.array([4.4, -math.pi, 1.5]),
-        upper=np.array([14.0, math.pi, 2.28]),
-        shape=(96, 128, 8),
-        unfolded=True,
-        origin=np.array([AXIS_X, 0.0, 0.0]),
-    )
-    return Occupancy.of(read_distance_field(find_scene_file("cargo_bay")), grid, 0.12)
+    return bay_occupancy()
 
 
 @pytest.fixture(scope="module")
