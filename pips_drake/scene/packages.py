@@ -7,6 +7,7 @@ A name is first looked up among the shipped files (``trajectory_4``); anything e
 file. Kinds of file, and where their names come from:
 
 - ``arm``: ``models/arms/NAME.yaml``
+- ``manipulator``: ``models/manipulators/NAME.yaml``
 - ``path``: ``models/paths/NAME.csv`` or ``NAME.yaml``
 - ``model``: ``models/sdf/*/NAME.sdf``
 - ``scene``: ``models/scenes/NAME.dmd.yaml``
@@ -30,6 +31,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 # Patterns are relative to the folder that holds models/, scenarios/ and studies/.
 _PATTERNS = {
     "arm": ("models/arms/*.yaml",),
+    "manipulator": ("models/manipulators/*.yaml",),
     "path": ("models/paths/*.csv", "models/paths/*.yaml"),
     "model": ("models/sdf/*/*.sdf",),
     "scene": ("models/scenes/*.dmd.yaml",),
