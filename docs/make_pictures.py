@@ -19,6 +19,8 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
+from pips_drake.remote_manipulator.configuration import load_configuration
+from pips_drake.remote_manipulator.station.plant import X_WR, home_arm_vector
 from pips_drake.scenarios import load_scenario
 from pips_drake.scene.packages import find_model_file, list_names, models_directory
 from pips_drake.serpentine.arm import load_arm
@@ -42,6 +44,14 @@ IMAGES = Path(__file__).resolve().parent / "images"
 SIZE = (1200, 750)
 #: How far an arm's hinges are bent in its picture, as a part of their limits.
 BENDS = {"prototype": 0.6, "cmu_92": -0.15}
+#: Where one looks at the remote manipulator's parts from: z of their own frames points down.
+DOWNWARD = {
+    "rms_arm": [-0.3, 0.9, -0.25],
+    "rms_cae": [-0.9, 0.35, -0.3],
+    "rms_cargo_bay": [0.8, -0.35, -0.5],
+    "rms_orbiter": [0.9, 0.6, -0.5],
+    "rms_payload": [0.6, 0.8, -0.45],
+}
 #: Free border around what is shown, pixels.
 BORDER = 24
 
@@ -91,6 +101,14 @@ def picture_model(name: str) -> None:
         posture[middle:] = -bend * arm.joint_upper[middle:]
         plant.SetDefaultPositions(model, posture)
         direction = [0.5, 0.8, -0.15]
+    elif name in DOWNWARD:
+        (model,) = Parser(plant).AddModels(str(find_model_file(name)))
+        root = plant.get_body(plant.GetBodyIndices(model)[0])
+        plant.WeldFrames(plant.world_frame(), root.body_frame(), X_WR)
+        plant.Finalize()
+        if plant.num_positions():
+            plant.SetDefaultPositions(home_arm_vector(load_configuration("rms_71")))
+        direction = DOWNWARD[name]
     else:
         parser = Parser(plant)
         (model,) = parser.AddModels(str(find_model_file(name)))

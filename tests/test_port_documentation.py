@@ -17,6 +17,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 
 import pips_drake
 from pips_drake.planning.live_arm import LiveArm
+from pips_drake.remote_manipulator.configuration import load_configuration
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
@@ -59,11 +60,15 @@ def arguments() -> dict[str, object]:
         "arm": arm,
         "bodies": [[1, 2]] * COUNTS["A"],
         "body_index": 1,
+        "cae_index": 2,
+        "config": load_configuration(),
         "given": GivenJoints(arm=arm, motion=motion, name="joints"),
         "gravity": [0.0, 0.0, -9.81],
         "live_arm": live_arm,
         "model": model,
+        "orbiter_index": 1,
         "path": load_path("trajectory_4"),
+        "payload_index": 3,
         "period": 1.0 / 512.0,
         "plant": plant,
         "points": [[[0.0, 0.0, 0.0]] * 2] * COUNTS["A"],
