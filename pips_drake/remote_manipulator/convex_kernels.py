@@ -171,10 +171,13 @@ def _edge_points(a, i, j, b, k, m):
     uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
     uv = ux * vx + uy * vy + uz * vz
     ur, vr = ux * rx + uy * ry + uz * rz, vx * rx + vy * ry + vz * rz
-    denominator = uu * vv - uv * uv
+    # By the cross product: uu vv - uv^2 loses all digits where edges are nearly parallel.
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    square = nx * nx + ny * ny + nz * nz
     s = 0.0
-    if denominator > 1e-15 * uu * vv:
-        s = min(max((uv * vr - ur * vv) / denominator, 0.0), 1.0)
+    if square > _PARALLEL * _PARALLEL * uu * vv:
+        mx, my, mz = vy * rz - vz * ry, vz * rx - vx * rz, vx * ry - vy * rx
+        s = min(max((mx * nx + my * ny + mz * nz) / square, 0.0), 1.0)
     t = (uv * s + vr) / vv
     if t < 0.0:
         t, s = 0.0, min(max(-ur / uu, 0.0), 1.0)
