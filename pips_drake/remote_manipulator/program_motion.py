@@ -1,0 +1,107 @@
+"""How the command moves: after the master arm, and along the bay's side walls."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pips_drake.remote_manipulator.bodies import SIDE_WALLS
+from pips_drake.remote_manipulator.configuration import RemoteManipulatorConfig
+from pips_drake.remote_manipulator.kinematics import forward_kinematics, nearest_angles
+from pips_drake.remote_manipulator.operator_inputs import OperatorInputs
+from pips_drake.remote_manipulator.program_collisions import CollisionTest, Contact
+from pips_drake.remote_manipulator.program_state import (
+    ANGLES,
+    COMMAND,
+    FRAME_PERIOD,
+    GAP,
+    HEIGHT,
+    OFFSET,
+)
+
+Array = NDArray[np.float64]
+
+#: A payload that slides along a wall is kept so far off it, m: the plant's own contact is no help.
+SLIDE_GAP = 1e-3
+
+
+class MasterFollower:
+    """Follows the master arm and the operator's switches within limits and rates.
+
+    Args:
+        config: the machine.
+        limit_rates: the six angles move no faster than their joints can; the stand, the prong and
+            the orbiter have one rate each anyway (RMS-71, VI.B).
+    """
+
+    def __init__(self, config: RemoteManipulatorConfig, *, limit_rates: bool) -> None:
+        arm, stand, effector = config.arm, config.stand, config.effector
+        self._lower, self._upper = np.full(COMMAND, -np.inf), np.full(COMMAND, np.inf)
+        self._lower[HEIGHT], self._upper[HEIGHT] = stand.lower_m, stand.upper_m
+        self._lower[ANGLES], self._upper[ANGLES] = arm.lower, arm.upper
+        self._lower[GAP] = effector.prong_closed_gap_m
+        self._upper[GAP] = effector.prong_open_gap_m
+        self._angle_steps = arm.rates * FRAME_PERIOD if limit_rates else np.full(6, np.inf)
+        self._stand = stand.rate_m_s * FRAME_PERIOD
+        self._prong = effector.prong_rate_m_s * FRAME_PERIOD
+        self._orbiter = config.orbiter.rate_m_s * FRAME_PERIOD
+
+    def step(self, base: Array, inputs: OperatorInputs, *, gap_only: bool = False) -> Array:
+        """The command of the next frame, (11,).
+
+        Args:
+            base: where it starts, (11,).
+            inputs: what the operator wants.
+            gap_only: everything but the prong stands still.
+        """
+        command = base.copy()
+        # The prong closes on +1.
+        command[GAP] -= inputs.prong * self._prong
+        if not gap_only:
+            limits = self._angle_steps
+            wanted = np.clip(inputs.angles, self._lower[ANGLES], self._upper[ANGLES])
+            command[ANGLES] += np.clip(wanted - base[ANGLES], -limits, limits)
+            command[HEIGHT] += inputs.telescope * self._stand
+            command[OFFSET] += np.array(inputs.shuttle) * self._orbiter
+        limited: Array = np.clip(command, self._lower, self._upper)
+        return limited
+
+    def stopped(self, command: Array, inputs: OperatorInputs) -> tuple[bool, bool]:
+        """Whether stand and prong are driven against their stops."""
+        at_stop = []
+        for row, way in ((HEIGHT, inputs.telescope), (GAP, -inputs.prong)):
+            against = self._upper[row] if way > 0 else self._lower[row]
+            at_stop.append(way != 0 and bool(command[row] == against))
+        return at_stop[0], at_stop[1]
+
+
+def slid_along_wall(
+    config: RemoteManipulatorConfig, test: CollisionTest, command: Array, contact: Contact
+) -> Array | None:
+    """The command with the payload moved out of the bay's side walls, across them, (11,).
+
+    None where something else is hit, or where the arm cannot reach.
+
+    Args:
+        config: the machine.
+        test: whose pairs `contact` has.
+        command: that collides, (11,).
+        contact: of a payload that is held.
+    """
+    move = np.zeros(3)
+    names = test.machine.names
+    for row in np.flatnonzero(contact.separations <= 0.0):
+        second = names[test.machine.held_pairs[row, 1]]
+        if second not in SIDE_WALLS:
+            return None
+        needed = (SLIDE_GAP - contact.separations[row]) * contact.normals[row]
+        # Several bodies at one wall: the one that is deepest in decides.
+        move = np.where(np.abs(needed) > np.abs(move), needed, move)
+    height = float(command[HEIGHT])
+    pose = forward_kinematics(config.arm, command[ANGLES], height)
+    angles = nearest_angles(config.arm, pose.palm + move, pose.R_R2, height, command[ANGLES])
+    if angles is None:
+        return None
+    moved = command.copy()
+    moved[ANGLES] = angles
+    return moved
