@@ -232,7 +232,7 @@ def _packed(*lists: Sequence[NDArray]) -> PackedBodies:
 
 
 def _poses_of(pairs: Indices, R: ArrayLike, p: ArrayLike) -> Poses:
-    rotations, places = np.asarray(R, dtype=float), np.asarray(p, dtype=float)
+    rotations, places = np.ascontiguousarray(R, dtype=float), np.ascontiguousarray(p, dtype=float)
     one, two = pairs[:, 0], pairs[:, 1]
     return rotations[one], places[one], rotations[two], places[two]
 
@@ -240,13 +240,14 @@ def _poses_of(pairs: Indices, R: ArrayLike, p: ArrayLike) -> Poses:
 def _broadcast(
     R_first: ArrayLike, p_first: ArrayLike, R_second: ArrayLike, p_second: ArrayLike
 ) -> Poses:
-    """Poses as (N, 3, 3) and (N, 3), contiguous."""
+    """Poses as (N, 3, 3) and (N, 3)."""
     rotations = [np.asarray(R, dtype=float) for R in (R_first, R_second)]
     places = [np.asarray(p, dtype=float) for p in (p_first, p_second)]
     many = [len(R) for R in rotations if R.ndim == 3] + [len(p) for p in places if p.ndim == 2]
     count = many[0] if many else 1
-    first, second = (np.ascontiguousarray(np.broadcast_to(R, (count, 3, 3))) for R in rotations)
-    one, two = (np.ascontiguousarray(np.broadcast_to(p, (count, 3))) for p in places)
+    # Copies, because numba compiles anew for arrays that are read-only or in another order.
+    first, second = (np.array(np.broadcast_to(R, (count, 3, 3)), order="C") for R in rotations)
+    one, two = (np.array(np.broadcast_to(p, (count, 3)), order="C") for p in places)
     return first, one, second, two
 
 
@@ -255,7 +256,7 @@ def _first_two(poses: Poses) -> Indices:
 
 
 def _separations(bodies: PackedBodies, pairs: Indices, poses: Poses) -> Separation:
-    gaps, planes, axes = separate(bodies, np.ascontiguousarray(pairs), *poses)
+    gaps, planes, axes = separate(bodies, np.array(pairs, order="C"), *poses)
     planes += 0.0  # no -0.0
     normals = planes[:, :3].copy()
     planes[gaps <= 0.0] = np.nan
@@ -264,6 +265,5 @@ def _separations(bodies: PackedBodies, pairs: Indices, poses: Poses) -> Separati
 
 def _distances(bodies: PackedBodies, pairs: Indices, poses: Poses) -> Distance:
     apart = _separations(bodies, pairs, poses)
-    pairs = np.ascontiguousarray(pairs)
-    found, points = distances(bodies, pairs, *poses, ~apart.collides)
+    found, points = distances(bodies, np.array(pairs, order="C"), *poses, ~apart.collides)
     return Distance(np.where(apart.collides, apart.separation, found), points, apart)
