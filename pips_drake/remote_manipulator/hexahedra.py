@@ -186,7 +186,7 @@ def _edge_test(first: Array, second: Array, words: Indices) -> tuple[Flags, Arra
     normals = np.cross(to_p, to_q)
     outside = bounding & (np.einsum("nekc,nec->nek", normals, edge) >= 0.0)
     hits: Flags = (examined & ~outside.any(axis=2)).any(axis=1)
-    # Of all edges that pass the outline, the first bounding edge that says so hands on its plane.
+    # Of all edges that pass the outline, the first hands on its plane (RMS-71 does not say which).
     flat = outside.reshape(len(first), -1)
     found = np.flatnonzero(flat.any(axis=1) & ~hits)
     place = flat[found].argmax(axis=1)

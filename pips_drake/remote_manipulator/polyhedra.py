@@ -216,7 +216,10 @@ def _outline(triangles: Indices) -> list[int]:
 def vertices_inside(points: ArrayLike, planes: ArrayLike) -> Flags:
     """Which points lie on the FALSE side of all planes, or on them (RMS-71, section IV.A.1).
 
-    This is all that RMS-71 asks of the payload against bay and CAE (section IV.A.3).
+    This is all that RMS-71 asks of the payload against bay and CAE (section IV.A.3). One centimetre
+    past the first contact of a payload of 14 ft x 50 ft and its probe with the CAE, flown at it
+    along -x within 2.5 m of the port, it misses 21 %, 43 % and 48 % of contacts, of payloads that
+    lean up to 5, 30 and 60 deg (`tests/remote_manipulator/test_first_contacts.py`).
 
     Args:
         points: (..., V, 3) m.
