@@ -8,13 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import (
-    DrakeVisualizer,
-    DrakeVisualizerParams,
-    Meshcat,
-    MeshcatVisualizer,
-    MeshcatVisualizerParams,
-)
+from pydrake.geometry import Meshcat
 from pydrake.lcm import DrakeLcm
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
@@ -34,6 +28,7 @@ from pips_drake.serpentine.station import (
 )
 from pips_drake.twin.motion_record import MotionRecorder, RecordedMotion, RecordedSteps
 from pips_drake.twin.simulation import RunTime, advance
+from pips_drake.twin.visualizers import AddVisualizers
 
 Array = NDArray[np.float64]
 
@@ -146,14 +141,7 @@ def make_run_diagram(
         recent=math.inf if every_step else steps_to_keep(scenario),
     )
     query = station.GetOutputPort("scene_graph.query")
-    # Meldis listens on LCM: it shows whatever runs.
-    DrakeVisualizer.AddToBuilder(
-        builder, query, lcm=lcm, params=DrakeVisualizerParams(publish_period=VISUAL_PERIOD)
-    )
-    if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(
-            builder, query, meshcat, MeshcatVisualizerParams(publish_period=VISUAL_PERIOD)
-        )
+    AddVisualizers(builder, query, period=VISUAL_PERIOD, meshcat=meshcat, lcm=lcm)
     diagram = builder.Build()
     diagram.set_name("serpentine_run")
     duration = station.GetSubsystemByName(names.source).duration + scenario.motion.settle_s

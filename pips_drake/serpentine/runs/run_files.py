@@ -1,14 +1,11 @@
-"""Writes what a run did: series as CSV, figures, and its diagram."""
+"""Writes what a run did: series as CSV, and figures."""
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Diagram
 
 from pips_drake.serpentine.arm import SerpentineArm
 from pips_drake.serpentine.drives import drive_columns, effort_columns
@@ -18,7 +15,6 @@ from pips_drake.serpentine.runs.certified import (
     CertifiedMotion,
     certified_clearance,
 )
-from pips_drake.twin.output_folder import write_whole
 from pips_drake.twin.recording import Series, write_csv
 from pips_drake.twin.run_figures import clearance_figure, tracking_figure
 
@@ -96,17 +92,3 @@ def write_run_figures(
         uncompensated=uncompensated,
         limit=assessment.checks.tracking_error_max_mm * 1e-3,
     )
-
-
-def write_diagram(folder: Path, diagram: Diagram) -> None:
-    """`diagram.dot`, and `diagram.svg` where Graphviz is installed."""
-    dot = folder / "diagram.dot"
-    write_whole(dot, diagram.GetGraphvizString(max_depth=2))
-    renderer = shutil.which("dot")
-    if renderer is not None:
-        subprocess.run(
-            [renderer, "-Tsvg", str(dot), "-o", str(folder / "diagram.svg")],
-            check=False,
-            capture_output=True,
-            timeout=60,
-        )

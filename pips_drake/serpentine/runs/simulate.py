@@ -28,7 +28,6 @@ from pips_drake.serpentine.runs.pictures import (
 from pips_drake.serpentine.runs.planned import PlannedRun, planned_run
 from pips_drake.serpentine.runs.run import run_station
 from pips_drake.serpentine.runs.run_files import (
-    write_diagram,
     write_gaps,
     write_run_figures,
     write_series,
@@ -47,6 +46,7 @@ from pips_drake.serpentine.station import (
     motion_names,
     plant_time_step,
 )
+from pips_drake.twin.diagram_file import write_diagram
 from pips_drake.twin.output_folder import output_folder, write_whole
 from pips_drake.twin.recording import write_csv
 from pips_drake.twin.replay_panel import ReplayPanel
