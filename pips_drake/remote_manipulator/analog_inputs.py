@@ -79,7 +79,7 @@ _LEVELS: Mapping[str, tuple[int, Mapping[int, int]]] = {
 
 
 def _tables() -> tuple[Integers, Integers, NDArray[np.bool_], Integers]:
-    """By field: its channel's column (12,); by level from -8 to 8 its value, and whether its channel
+    """By field its channel's column (12,); by level from -8 to 8 its value and whether its channel
     has such a level, (12, 17) each; by value from -1 its level in eighths (12, 14)."""
     columns = np.array([_LEVELS[field][0] - 1 for field in FIELDS])
     values = np.zeros((len(FIELDS), 17), dtype=np.int64)
