@@ -33,7 +33,7 @@ STIFFNESS_FREQUENCY = 0.5
 #: Damping by stiffness, s.
 DAMPING_TIME = 3.0
 #: The same of what carries no swinging payload: the prong.
-PRONG_DAMPING_TIME = 0.1
+PRONG_DAMPING_TIME = 0.25
 #: Of the prong alone, Hz.
 PRONG_FREQUENCY = 2.0
 #: The orbiter's translation: of the whole orbiter, Hz.

@@ -26,7 +26,7 @@ _DRAKE = "http://drake.mit.edu"
 #: Of each of two bodies in contact, N/m, assumed: 10 t at 0.06 m/s press 2 mm into each other.
 #: Drake's default follows from gravity, which is next to nothing here.
 CONTACT_STIFFNESS = 2e7
-#: Hunt and Crossley's, s/m, assumed: at 0.06 m/s a bounce keeps a small part of the speed.
+#: Hunt and Crossley's, s/m, assumed: a bounce at 0.06 m/s keeps about half of the speed.
 CONTACT_DISSIPATION = 20.0
 #: Assumed: painted metal and blankets.
 CONTACT_FRICTION = 0.3
