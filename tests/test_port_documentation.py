@@ -18,6 +18,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 import pips_drake
 from pips_drake.planning.live_arm import LiveArm
 from pips_drake.remote_manipulator.configuration import load_configuration
+from pips_drake.remote_manipulator.program import CollisionProgram
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
@@ -73,6 +74,7 @@ def arguments() -> dict[str, object]:
         "plant": plant,
         "points": [[[0.0, 0.0, 0.0]] * 2] * COUNTS["A"],
         "profile": RestToRestProfile.make(travel=1.0, speed=0.1, ramp=1.0),
+        "program": CollisionProgram(load_configuration()),
         "robot": [model],
         "scene_graph": scene_graph,
         "solver": FollowTheLeader(arm),

@@ -13,7 +13,6 @@ from pips_drake.remote_manipulator.geometry import (
     SIDES,
     Part,
     bay_parts,
-    cabin_part,
     cae_parts,
     effector_parts,
     payload_parts,
@@ -25,6 +24,7 @@ from pips_drake.remote_manipulator.kinematics import (
     pitch_matrix,
     roll_matrix,
 )
+from pips_drake.remote_manipulator.orbiter_outline import orbiter_parts
 from pips_drake.remote_manipulator.polyhedra import ConvexBody
 
 Array = NDArray[np.float64]
@@ -70,7 +70,8 @@ def machine_parts(config: RemoteManipulatorConfig) -> tuple[tuple[str, Part], ..
         *(("2", part) for part in effector),
         ("K", prong_part(config.effector, config.arm.arm_2_m)),
         *(("P", by_name[name]) for name in PAYLOAD),
-        *(("R", part) for part in (*bay_parts(config), cabin_part(config))),
+        *(("R", part) for part in bay_parts(config)),
+        *(("R", part) for part in orbiter_parts(config) if part.solid),
         *(("C", part) for part in cae_parts(config) if part.solid),
         ("S", stand_part(config)),
     )

@@ -38,7 +38,6 @@ from pips_drake.remote_manipulator.configuration import RemoteManipulatorConfig
 from pips_drake.remote_manipulator.control_word import ControlWord, control_word
 from pips_drake.remote_manipulator.docking import Berthing, Docking, DockingTest, berthing
 from pips_drake.remote_manipulator.inhibit import Hits, follow_up, hits_of
-from pips_drake.remote_manipulator.kinematics import forward_kinematics
 from pips_drake.remote_manipulator.limits_warnings import LimitWarnings, limit_warnings
 from pips_drake.remote_manipulator.operator_inputs import OperatorInputs
 from pips_drake.remote_manipulator.phases import (
@@ -50,7 +49,11 @@ from pips_drake.remote_manipulator.phases import (
     next_phase,
 )
 from pips_drake.remote_manipulator.program_collisions import CollisionTest, Contact
-from pips_drake.remote_manipulator.program_motion import MasterFollower, slid_along_wall
+from pips_drake.remote_manipulator.program_motion import (
+    MasterFollower,
+    effector_pose,
+    slid_along_wall,
+)
 from pips_drake.remote_manipulator.program_state import (
     ANGLES,
     COMMAND,
@@ -234,8 +237,7 @@ class CollisionProgram:
 
     def _placement(self, state: ProgramState, command: Array, measured: Measured) -> Placement:
         """Where everything is when the arm is as commanded."""
-        arm = forward_kinematics(self.config.arm, command[ANGLES], command[HEIGHT])
-        X_R2 = arm.R_R2, arm.wrist
+        X_R2 = effector_pose(self.config.arm, command)
         facts = TABLE[state.phase]
         # What stands still in space moves against an orbiter that is sent on.
         shift = command[OFFSET] - state.sent[OFFSET]
@@ -331,9 +333,7 @@ class CollisionProgram:
         return state.sent[: GAP + 1] if measured.arm is None else measured.arm
 
     def _measured_effector(self, state: ProgramState, measured: Measured) -> Pose:
-        arm = self._measured_arm(state, measured)
-        pose = forward_kinematics(self.config.arm, arm[ANGLES], arm[HEIGHT])
-        return pose.R_R2, pose.wrist
+        return effector_pose(self.config.arm, self._measured_arm(state, measured))
 
     def _frame(
         self, state: ProgramState, inputs: OperatorInputs, measured: Measured, contact: Contact

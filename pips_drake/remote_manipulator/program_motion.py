@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pips_drake.remote_manipulator.bodies import SIDE_WALLS
-from pips_drake.remote_manipulator.configuration import RemoteManipulatorConfig
+from pips_drake.remote_manipulator.configuration import ArmConfig, RemoteManipulatorConfig
 from pips_drake.remote_manipulator.kinematics import forward_kinematics, nearest_angles
 from pips_drake.remote_manipulator.operator_inputs import OperatorInputs
 from pips_drake.remote_manipulator.program_collisions import CollisionTest, Contact
@@ -23,6 +25,30 @@ Array = NDArray[np.float64]
 
 #: A payload that slides along a wall is kept so far off it, m: the plant's own contact is no help.
 SLIDE_GAP = 1e-3
+
+
+def effector_pose(arm: ArmConfig, command: Array) -> tuple[Array, Array]:
+    """Pose of {2} in {R} at a command (8 or 11,): as `forward_kinematics` has it, for one arm.
+
+    A frame needs it a few times, and arrays of one element cost five times as much.
+    """
+    height, h0, p0, p1, h2, p2, r2 = command[: ANGLES.stop].tolist()
+    ch, sh, c1, s1 = math.cos(h0), math.sin(h0), math.cos(p0 + p1), math.sin(p0 + p1)
+    # Along arm 1 and across it; the third axis of {1} follows.
+    out = arm.arm_0_m * math.cos(p0) + arm.arm_1_m * c1
+    up = arm.arm_0_m * math.sin(p0) + arm.arm_1_m * s1
+    ch2, sh2, cp2, sp2 = math.cos(h2), math.sin(h2), math.cos(p2), math.sin(p2)
+    cr, sr = math.cos(r2), math.sin(r2)
+    R_R1 = np.array([[ch * c1, -sh, ch * s1], [sh * c1, ch, sh * s1], [-s1, 0.0, c1]])
+    # R_z(H2) R_y(P2) R_x(R2).
+    R_12 = np.array(
+        [
+            [ch2 * cp2, ch2 * sp2 * sr - sh2 * cr, ch2 * sp2 * cr + sh2 * sr],
+            [sh2 * cp2, sh2 * sp2 * sr + ch2 * cr, sh2 * sp2 * cr - ch2 * sr],
+            [-sp2, cp2 * sr, cp2 * cr],
+        ]
+    )
+    return R_R1 @ R_12, np.array([ch * out, sh * out, -height - up])
 
 
 class MasterFollower:

@@ -72,7 +72,7 @@ class World:
         angles = inputs.pop("angles", self.state.command[ANGLES])
         self._move()
         before = self.state
-        measured = Measured(self.payload, self._cae())
+        measured = Measured(self.payload, self.cae_now())
         self.state, self.shown = self.program.advance(
             before, OperatorInputs(angles=angles, **inputs), measured
         )
@@ -113,8 +113,15 @@ class World:
         pose = forward_kinematics(CONFIG.arm, state.sent[ANGLES], state.sent[HEIGHT])
         return pose.R_R2, pose.wrist
 
-    def _cae(self) -> Pose:
+    def cae_now(self) -> Pose:
+        """The CAE, which stands still in space, in the moved {R}."""
         return self.cae[0], self.cae[1] - self.state.sent[OFFSET]
+
+    def held_payload(self, X_R2: Pose) -> Pose:
+        """Where a payload is that the effector at X_R2 holds as it was when it was taken."""
+        assert self._X_2P is not None
+        R, p = X_R2
+        return R @ self._X_2P[0], R @ self._X_2P[1] + p
 
     def _move(self) -> None:
         """The hardware does what was sent."""
@@ -122,9 +129,7 @@ class World:
         last = getattr(self, "_last_offset", np.zeros(3))
         self._last_offset = now
         if facts.grasped and facts.support == "none":
-            assert self._X_2P is not None
-            R, p = self.effector(self.state)
-            self.payload = R @ self._X_2P[0], R @ self._X_2P[1] + p
+            self.payload = self.held_payload(self.effector(self.state))
         elif facts.support != "bay":
             self.payload = self.payload[0], self.payload[1] - (now - last)
 
