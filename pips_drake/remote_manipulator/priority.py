@@ -13,6 +13,7 @@ wrong order by any of the planes are sorted, as the report sorts the bar into th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.errors import InputError, UnknownNameError
 from pips_drake.remote_manipulator.clusters import Clusters, MachinePose, machine_pose
 from pips_drake.remote_manipulator.configuration import STATIONS, RemoteManipulatorConfig
+from pips_drake.remote_manipulator.kinematics import roll_matrix
 from pips_drake.remote_manipulator.phases import PHASES
 from pips_drake.remote_manipulator.priority_stations import known_sides
 from pips_drake.remote_manipulator.priority_trees import (
@@ -47,6 +49,8 @@ Flags = NDArray[np.bool_]
 
 #: A vertex is on a plane, and an eye on no side of it, within this: rounding of lengths of 10 m.
 TOUCH = 1e-9
+#: R_PQ.
+_ROLLED = roll_matrix(0.25 * math.pi)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +80,7 @@ class PriorityModel:
         fixed = fixed_planes(config)
         self._fixed = plane_table(fixed)
         frames = [plane.frame for plane in fixed.values()]
-        self._rows = {frame: np.flatnonzero([f == frame for f in frames]) for frame in "RPC2"}
+        self._rows = {frame: np.flatnonzero([f == frame for f in frames]) for frame in "RPQC2"}
         self.planes = (*fixed, *MOVING_PLANES, *BAR_PLANES)
         self._plane_number = {name: k for k, name in enumerate(self.planes)}
         self._number = {name: k for k, name in enumerate(self.clusters.names)}
@@ -99,6 +103,7 @@ class PriorityModel:
         table = self._fixed.copy()
         poses = {
             "P": (pose.R_RP, pose.p_RP),
+            "Q": (pose.R_RP @ _ROLLED, pose.p_RP),
             "C": (pose.R_RC, pose.p_RC),
             "2": (pose.arm.R_R2, pose.arm.wrist),
         }

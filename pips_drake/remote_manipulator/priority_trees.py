@@ -57,7 +57,7 @@ class Plane:
     """A fixed plane, across an axis of its frame: its true side is where that coordinate is larger.
 
     Attributes:
-        frame: R, C or P, or 2 for the effector's.
+        frame: R, C, P, Q ({P} rolled by 45 deg), or 2 for the effector's.
         axis: 0, 1 or 2: x, y or z.
         at: the coordinate, m.
         meaning: which face it is.
@@ -72,7 +72,8 @@ class Plane:
 def fixed_planes(config: RemoteManipulatorConfig) -> dict[str, Plane]:
     """The planes that are fixed in a frame, by number.
 
-    1 to 7 and 16 to 25 stand in {R} (2 in {C}), 8, 9 and 26 to 29 in {P}, 13 and 14 in {2}.
+    1 to 7 and 16 to 25 stand in {R} (2 in {C}), 8, 9 and 26 to 29 in {P}, 30 to 33 in {Q},
+    which is {P} rolled by 45 deg; 13 and 14 in {2}.
     """
     bay, cae, payload = config.cargo_bay, config.central_assembly_element, config.payload
     cabin, arm, palm = geometry.cabin_part(config), config.arm, config.effector.palm
@@ -107,6 +108,10 @@ def fixed_planes(config: RemoteManipulatorConfig) -> dict[str, Plane]:
         "27": ("P", 1, half, "the payload's port side"),
         "28": ("P", 1, -half, "the payload's starboard side"),
         "29": ("P", 2, half, "the payload's underside"),
+        "30": ("Q", 1, half, "the payload's lower port slant"),
+        "31": ("Q", 1, -half, "the payload's upper starboard slant"),
+        "32": ("Q", 2, half, "the payload's lower starboard slant"),
+        "33": ("Q", 2, -half, "the payload's upper port slant"),
     }
     return {
         name: Plane(frame=frame, axis=axis, at=at, meaning=meaning)
