@@ -155,8 +155,10 @@ def decode_channels(volts: ArrayLike, scaling: AngleScaling) -> OperatorFrames:
     if volts.ndim != 2 or volts.shape[1] not in CHANNEL_COUNTS:
         allowed = "(N, 13), (N, 16) or (N, 17)"
         raise InputError(f"channels: shape = {volts.shape}; must be {allowed}")
+    end = 2.0 * scaling.full_scale  # illegal as well, and finite
     eighths = np.zeros((len(volts), CHANNELS))
-    eighths[:, : volts.shape[1]] = volts * (8.0 / scaling.full_scale)
+    eighths[:, : volts.shape[1]] = np.minimum(np.maximum(volts, -end), end)
+    eighths *= 8.0 / scaling.full_scale
     field_eighths = eighths[:, _COLUMNS]
     nearest = np.rint(field_eighths)
     good = np.abs(field_eighths - nearest) <= 8.0 * scaling.dead_band  # which NaN is not

@@ -22,6 +22,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,8 +120,7 @@ def load_recording(file: Path, scaling: AngleScaling) -> OperatorRecording:
     head = f"{file}: line {lines[0]}"
     if header[0] != TIME_COLUMN:
         raise InputError(f"{head}: column 1 is '{shorten(header[0])}'; must be {TIME_COLUMN}")
-    for name in header:
-        count = header.count(name)
+    for name, count in Counter(header).items():
         require(count == 1, f"{head}: number of columns '{shorten(name)}'", count, "1")
     where = [f"{file}: line {line}" for line in lines[1:]]
     times = _numbers(where, TIME_COLUMN, [row[0] for row in rows])
