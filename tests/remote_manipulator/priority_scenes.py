@@ -36,6 +36,11 @@ STOWED = np.array(CONFIG.payload.location_m)
 
 def random_pose(phase: str, rng: np.random.Generator) -> MachinePose:
     """Of a phase: the arm anywhere, or at the bar, or where it holds the payload."""
+    return machine_pose(CONFIG, *random_state(phase, rng))
+
+
+def random_state(phase: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Arm vector (8,) and payload pose (7,) of a `random_pose`."""
     arm = CONFIG.arm
     height = rng.uniform(CONFIG.stand.lower_m, CONFIG.stand.upper_m)
     gap = rng.uniform(CONFIG.effector.prong_closed_gap_m, CONFIG.effector.prong_open_gap_m)
@@ -66,8 +71,8 @@ def random_pose(phase: str, rng: np.random.Generator) -> MachinePose:
         R_RP = Rotation.random(random_state=rng).as_matrix()
         p_RP = rng.uniform([-3.0, -12.0, -15.0], [20.0, 8.0, -3.0])
     if angles is None:  # out of the arm's reach
-        return random_pose(phase, rng)
-    return machine_pose(CONFIG, [height, *angles, gap], seven(R_RP, p_RP))
+        return random_state(phase, rng)
+    return np.array([height, *angles, gap]), seven(R_RP, p_RP)
 
 
 def _holding(R_RP: np.ndarray, p_RP: np.ndarray, height: float) -> np.ndarray | None:

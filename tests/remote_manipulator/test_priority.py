@@ -34,6 +34,7 @@ from .priority_scenes import (
     depths,
     eye_and_look,
     random_pose,
+    random_state,
     rays,
     seven,
 )
@@ -79,6 +80,23 @@ def test_claimed_orders_agree_with_the_depth_in_many_scenes(phase: str, sort: bo
     assert found.overlapping > 500
     assert found.wrong == 0
     assert found.share > (0.95 if sort else 0.8)
+
+
+def test_claimed_orders_agree_with_the_depth_when_the_orbiter_has_been_translated():
+    rng = np.random.default_rng(13)
+    found = Count()
+    for _ in range(6):
+        arm_vector, payload = random_state("free_flying", rng)
+        away = np.array(CONFIG.central_assembly_element.location_m) + rng.uniform(-4.0, 4.0, 3)
+        pose = machine_pose(CONFIG, arm_vector, payload, seven(np.eye(3), away))
+        for station in STATIONS:
+            eye, look = eye_and_look(station, pose)
+            (depth,) = depths(pose, [eye], [rays(look, 16)])
+            order = MODEL.order(pose, eye, phase="free_flying", station=station.name)
+            found.add(order, depth)
+    assert found.overlapping > 200
+    assert found.wrong == 0
+    assert found.share > 0.9
 
 
 def test_sorting_decides_more_than_trees_alone_and_errs_less():
