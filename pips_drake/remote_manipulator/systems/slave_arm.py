@@ -55,7 +55,8 @@ class SlaveArm(LeafSystem):
         frame: of the program, s.
         period: s, a whole part of the frame.
         accelerations: limits, (11,) m/s^2 and rad/s^2; None: none.
-        start: where it is sent first, (11,); None: what `setpoint` says at initialization.
+        start: where the drives are sent first, (11,); None: what `setpoint` says before anything is
+            initialized, which is not what its system makes of its own initialization.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class SlaveArm(LeafSystem):
         frame: float = 0.05,
         period: float = 0.01,
         accelerations: ArrayLike | None = None,
+        start: ArrayLike | None = None,
     ) -> None:
         super().__init__()
         self._updates = round(frame / period)
@@ -79,6 +81,9 @@ class SlaveArm(LeafSystem):
             self._acceleration = np.array(accelerations, dtype=np.float64)
             if self._acceleration.shape != (ARM + OFFSET,) or not np.all(self._acceleration > 0.0):
                 raise InputError(f"accelerations must be {ARM + OFFSET} positive numbers")
+        self._start = None if start is None else np.array(start, dtype=np.float64)
+        if self._start is not None and self._start.shape != (ARM + OFFSET,):
+            raise InputError(f"start of shape {self._start.shape}; must be ({ARM + OFFSET},)")
         port = self.DeclareVectorInputPort("setpoint", ARM + OFFSET)
         self._setpoint_index = int(port.get_index())
         self._arm = self.DeclareDiscreteState(2 * ARM)
@@ -107,7 +112,11 @@ class SlaveArm(LeafSystem):
         way[: setpoint.size], way[setpoint.size :] = setpoint, 0.0
 
     def _initialize(self, context: Context, values: DiscreteValues) -> None:
-        self._place(values, input_values(self, context, self._setpoint_index))
+        start = self._start
+        self._place(
+            values,
+            input_values(self, context, self._setpoint_index) if start is None else start,
+        )
         # The first frame begins one update after the program's.
         values.get_mutable_vector(self._left).get_mutable_value()[0] = 1.0
 
