@@ -211,3 +211,49 @@ def test_initial_places_are_the_welds_own():
         X_PA = hold.frame.CalcPoseInBodyFrame(bench.context)
         assert np.isfinite(X_PA.GetAsMatrix4()).all()
         assert bench.machine.slip(bench.context, hold) < 1e-12
+
+
+@pytest.mark.slow
+def test_drifting_payload_is_caught_carried_to_the_port_pressed_on_and_left_there():
+    """Docking contact: the probe meets the CAE at 0.03 m/s, 50 mm short of where it is sent."""
+    X_RC = RigidTransform(CONFIG.central_assembly_element.location_m)
+    docked = docked_pose(CONFIG, X_RC).translation()
+    away = docked + np.array([0.5, 0.0, 0.0])
+    palm = away - np.array([0.0, 0.0, BELOW])
+    bench = Bench(
+        support="none",
+        X_RP=RigidTransform(away),
+        arm_vector=holding(palm, height=4.0),
+        velocity=[0.0, 0.005, -0.002],
+        spin=[0.0002, 0.0, 0.0002],
+    )
+    bench.run(0.5)
+    bench.ask(grasped=True)
+    bench.run(30.0)
+    arm, world = bench.machine.orbiter.body_frame(), bench.plant.world_frame()
+    times, vectors = carry(
+        palm, [-1.0, 0.0, 0.0], length=0.55, speed=0.03, acceleration=0.008, height=4.0
+    )
+    deepest = 0.0
+    for k in range(1, len(times)):
+        bench.follow(times[k - 1 : k + 1] - times[k - 1], vectors[k - 1 : k + 1])
+        deepest = max([deepest, *(depth for *_, depth in bench.penetrations())])
+    bench.run(10.0)
+    touching = {name.split("::")[0] for pair in bench.penetrations() for name in pair[:2]}
+    assert touching == {"rms_payload", "rms_cae"}
+    # v sqrt(m / k) is 0.95 mm; what presses is the arm's small force.
+    assert 0.05e-3 < deepest < 1.0e-3
+    place = bench.payload_in(arm).translation()
+    assert np.linalg.norm(place - docked) < 0.25 * 0.3048  # within the docking envelope
+    before = bench.payload_in(world)
+    bench.ask(grasped=True, support="port")
+    bench.run(1.0)
+    bench.ask(grasped=False, support="port")
+    home = bench.arm_vector()
+    home[7] = CONFIG.effector.prong_open_gap_m
+    bench.send(home)
+    bench.run(10.0)
+    moved = bench.payload_in(world).translation() - before.translation()
+    assert np.linalg.norm(moved) < 1e-3
+    assert max(event.slip for event in bench.monitor.events) < 1e-3
+    assert bench.monitor.slip(bench.root) < 1e-3

@@ -185,3 +185,22 @@ def test_step_response_solves_its_equation():
     # Central differences of a step of 1 ms.
     np.testing.assert_allclose(balance[2:-2], stiffness, rtol=1e-4)
     assert q[0] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("rms_arm", [CONFIG.arm.arm_0_m, CONFIG.arm.arm_1_m, CONFIG.arm.arm_2_m]),
+        ("rms_arm", [CONFIG.arm.diameter_m, CONFIG.arm.arm_0_mass_kg, CONFIG.arm.arm_1_mass_kg]),
+        ("rms_arm", [joint.rate_deg_s for joint in CONFIG.arm.joints]),
+        ("rms_arm", [int(joint.torque_N_m) for joint in CONFIG.arm.joints]),
+        ("rms_payload", [CONFIG.payload.length_m, CONFIG.payload.across_flats_m]),
+        ("rms_cargo_bay", [CONFIG.cargo_bay.length_m, CONFIG.cargo_bay.width_m]),
+        ("rms_cae", CONFIG.central_assembly_element.location_m),
+        ("rms_orbiter", [int(CONFIG.orbiter.length_m), int(CONFIG.orbiter.span_m)]),
+    ],
+)
+def test_readme_states_the_configurations_numbers(name, values):
+    text = find_model_file(name).with_name("README.md").read_text(encoding="utf-8")
+    missing = [value for value in values if str(value) not in text]
+    assert missing == []
