@@ -51,8 +51,8 @@ from pips_drake.remote_manipulator.phases import (
 from pips_drake.remote_manipulator.program_collisions import CollisionTest, Contact
 from pips_drake.remote_manipulator.program_motion import (
     MasterFollower,
+    WallSlider,
     effector_pose,
-    slid_along_wall,
 )
 from pips_drake.remote_manipulator.program_state import (
     ANGLES,
@@ -140,6 +140,7 @@ class CollisionProgram:
         self.first_command[: GAP + 1] = home if arm is None else np.asarray(arm, dtype=float)
         self.collisions = CollisionTest(config, report=self.settings.collision == "report")
         self._follower = MasterFollower(config, limit_rates=self.settings.limit_master_rates)
+        self._slider = WallSlider(config, self.collisions)
         self._acquisition = AcquisitionTest(config)
         self._docking = DockingTest(config)
         machine, names = self.collisions.machine, ("hull", "probe")
@@ -207,7 +208,7 @@ class CollisionProgram:
         command = self._follower.step(base, inputs, gap_only=frozen)
         contact = self._contact(state, command, measured)
         if contact.any and self.settings.slide_along_walls and state.phase is Phase.EXTRACTION:
-            command, contact = self._slid(state, command, contact, measured)
+            command, contact = self._slid(state, command, contact, inputs, measured)
         held = TABLE[state.phase].grasped
         hits = hits_of(contact, held=held)
         if hits.finger and not held:
@@ -226,10 +227,17 @@ class CollisionProgram:
         return held.any and contact.separation > held.separation + _GAIN
 
     def _slid(
-        self, state: ProgramState, command: Array, contact: Contact, measured: Measured
+        self,
+        state: ProgramState,
+        command: Array,
+        contact: Contact,
+        inputs: OperatorInputs,
+        measured: Measured,
     ) -> tuple[Array, Contact]:
         """The command beside the bay's side walls, if that is all that it takes."""
-        moved = slid_along_wall(self.config, self.collisions, command, contact)
+        before = self._contact(state, state.free, measured)
+        p_2P = state.held[4:]
+        moved = self._slider(contact, before, command, state.free, inputs.angles, p_2P)
         if moved is None:
             return command, contact
         after = self._contact(state, moved, measured)

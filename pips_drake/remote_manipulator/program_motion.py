@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pips_drake.remote_manipulator.bodies import SIDE_WALLS
 from pips_drake.remote_manipulator.configuration import ArmConfig, RemoteManipulatorConfig
-from pips_drake.remote_manipulator.kinematics import forward_kinematics, nearest_angles
+from pips_drake.remote_manipulator.kinematics import nearest_angles
 from pips_drake.remote_manipulator.operator_inputs import OperatorInputs
 from pips_drake.remote_manipulator.program_collisions import CollisionTest, Contact
 from pips_drake.remote_manipulator.program_state import (
@@ -23,7 +23,8 @@ from pips_drake.remote_manipulator.program_state import (
 
 Array = NDArray[np.float64]
 
-#: A payload that slides along a wall is kept so far off it, m: the plant's own contact is no help.
+
+#: A payload that slides along a wall comes so near to it, m: the plant's own contact is no help.
 SLIDE_GAP = 1e-3
 
 
@@ -101,33 +102,66 @@ class MasterFollower:
         return at_stop[0], at_stop[1]
 
 
-def slid_along_wall(
-    config: RemoteManipulatorConfig, test: CollisionTest, command: Array, contact: Contact
-) -> Array | None:
-    """The command with the payload moved out of the bay's side walls, across them, (11,).
-
-    None where something else is hit, or where the arm cannot reach.
+class WallSlider:
+    """Takes a held payload along the bay's side walls where the command would take it into them.
 
     Args:
         config: the machine.
-        test: whose pairs `contact` has.
-        command: that collides, (11,).
-        contact: of a payload that is held.
+        test: whose pairs of a held payload are looked at.
     """
-    move = np.zeros(3)
-    names = test.machine.names
-    for row in np.flatnonzero(contact.separations <= 0.0):
-        second = names[test.machine.held_pairs[row, 1]]
-        if second not in SIDE_WALLS:
-            return None
-        needed = (SLIDE_GAP - contact.separations[row]) * contact.normals[row]
-        # Several bodies at one wall: the one that is deepest in decides.
-        move = np.where(np.abs(needed) > np.abs(move), needed, move)
-    height = float(command[HEIGHT])
-    pose = forward_kinematics(config.arm, command[ANGLES], height)
-    angles = nearest_angles(config.arm, pose.palm + move, pose.R_R2, height, command[ANGLES])
-    if angles is None:
-        return None
-    moved = command.copy()
-    moved[ANGLES] = angles
-    return moved
+
+    def __init__(self, config: RemoteManipulatorConfig, test: CollisionTest) -> None:
+        self._config, self._test = config, test
+        arm = config.arm
+        self._lower, self._upper = arm.lower, arm.upper
+        self._angle_steps = arm.rates * FRAME_PERIOD
+        # Assumed: as fast as the stand, which is chosen for a loaded arm's tip.
+        self._step = config.stand.rate_m_s * FRAME_PERIOD
+
+    def __call__(
+        self,
+        contact: Contact,
+        before: Contact,
+        command: Array,
+        free: Array,
+        wanted: Array,
+        p_2P: Array,
+    ) -> Array | None:
+        """The command beside the walls, (11,); None where something else is hit, or out of reach.
+
+        The payload keeps the attitude that it was free in. Its middle goes straight to where the
+        master arm has it, but for what would go into the walls.
+
+        Args:
+            contact: at `command`.
+            before: at `free`.
+            command: that collides, (11,).
+            free: the last free one, (11,).
+            wanted: the master arm's angles, (6,) rad.
+            p_2P: the payload's middle in {2}, (3,) m.
+        """
+        arm, machine = self._config.arm, self._test.machine
+        master = command.copy()
+        master[ANGLES] = np.clip(wanted, self._lower, self._upper)
+        (R, wrist), (R_end, wrist_end) = (effector_pose(arm, one) for one in (free, master))
+        way = wrist_end + R_end @ p_2P - wrist - R @ p_2P
+        for row in np.flatnonzero(contact.separations <= 0.0):
+            if machine.names[machine.held_pairs[row, 1]] not in SIDE_WALLS:
+                return None
+            normal = contact.normals[row]
+            room = max(float(before.separations[row]) - SLIDE_GAP, 0.0)
+            way -= min(float(way @ normal) + room, 0.0) * normal
+        palm, height = wrist + arm.arm_2_m * R[:, 0], float(command[HEIGHT])
+        share = min(1.0, self._step / max(float(np.linalg.norm(way)), 1e-12))
+        for _ in range(2):
+            angles = nearest_angles(arm, palm + share * way, R, height, free[ANGLES])
+            if angles is None:
+                return None
+            excess = float(np.max(np.abs(angles - free[ANGLES]) / self._angle_steps))
+            if excess <= 1.0:
+                break
+            # In small steps the angles go as the way does; half spare for what does not.
+            share *= 0.5 / excess
+        moved = command.copy()
+        moved[ANGLES] = angles
+        return moved

@@ -66,6 +66,7 @@ class World:
         self.events: list[tuple[int, str]] = []
         self._first = self.payload
         self._X_2P: Pose | None = None
+        self._last_offset = np.zeros(3)
 
     def frame(self, **inputs: object) -> ProgramState:
         """One frame; inputs are those of `OperatorInputs`, the angles stay where they are."""
@@ -78,6 +79,7 @@ class World:
         )
         if self.state.resets > before.resets:
             self.payload, self._X_2P = self._first, None
+            self._last_offset = self.state.sent[OFFSET]
         elif self.state.event in (Event.ACQUIRED, Event.UNDOCKED):
             R, p = self.effector(before)
             self._X_2P = R.T @ self.payload[0], R.T @ (self.payload[1] - p)
@@ -126,8 +128,7 @@ class World:
     def _move(self) -> None:
         """The hardware does what was sent."""
         facts, now = TABLE[self.state.phase], self.state.sent[OFFSET]
-        last = getattr(self, "_last_offset", np.zeros(3))
-        self._last_offset = now
+        last, self._last_offset = self._last_offset, now
         if facts.grasped and facts.support == "none":
             self.payload = self.held_payload(self.effector(self.state))
         elif facts.support != "bay":

@@ -13,7 +13,7 @@ from pips_drake.remote_manipulator.kinematics import (
     roll_matrix,
 )
 from pips_drake.remote_manipulator.phases import TABLE
-from pips_drake.remote_manipulator.program_state import ANGLES, GAP, HEIGHT, OFFSET, FRAME_PERIOD
+from pips_drake.remote_manipulator.program_state import ANGLES, FRAME_PERIOD, GAP, HEIGHT, OFFSET
 
 from .program_world import CONFIG, DOWN, PALM_TOP, STOWED, World, docked_payload
 
