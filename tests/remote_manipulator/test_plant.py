@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from pips_drake.errors import InputError
@@ -19,6 +20,9 @@ from pips_drake.remote_manipulator.station.plant import (
     home_arm_vector,
     make_plant,
 )
+from pips_drake.scene.loading import AddPlacedFrame, AddScene
+from pips_drake.scene.packages import find_scene_file
+from pips_drake.twin.model_viewer import view_model
 
 from .plant_bench import BELOW, CONFIG, Bench, carry, holding
 
@@ -79,6 +83,20 @@ def test_everything_stands_where_the_configuration_says():
     place = CONFIG.central_assembly_element.location_m + np.array([0.5, 0.0, -0.25])
     np.testing.assert_allclose(X_RC.translation(), place, atol=1e-12)
     np.testing.assert_allclose(bench.arm_vector(), home_arm_vector(CONFIG), atol=1e-12)
+
+
+def test_scene_that_is_looked_at_stands_as_the_plant_does():
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    AddPlacedFrame(plant, "frame_0", RigidTransform())
+    AddScene(plant, find_scene_file("remote_manipulator"))
+    plant.Finalize()
+    context, bench = plant.CreateDefaultContext(), Bench(support="bay")
+    machine = bench.machine
+    for body in (machine.orbiter, machine.effector, machine.payload_body, machine.cae):
+        seen = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(body.name()))
+        X_WB = bench.plant.EvalBodyPoseInWorld(bench.context, body)
+        assert seen.IsNearlyEqualTo(X_WB, 1e-9), body.name()
+    view_model("remote_manipulator", once=True)
 
 
 def test_docked_payload_has_its_probe_in_the_port():
