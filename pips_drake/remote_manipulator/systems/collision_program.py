@@ -80,11 +80,14 @@ class CollisionProgram(LeafSystem):
     Args:
         program: the machine's and the scenario's.
         scaling: analog adjustments of the angles' channels; None: `angle_scaling` of the arm.
+
+    Attributes:
+        program: as given.
     """
 
     def __init__(self, program: Program, *, scaling: AngleScaling | None = None) -> None:
         super().__init__()
-        self._program = program
+        self.program = program
         self._scaling = scaling or angle_scaling(program.config.arm)
         self._channels, self._payload, self._cae, self._arm = (
             int(self.DeclareVectorInputPort(name, size).get_index())
@@ -134,11 +137,11 @@ class CollisionProgram(LeafSystem):
 
     def _update_first(self, context: Context, values: DiscreteValues) -> None:
         state = ProgramState.of_vector(context.get_discrete_state(self._state).value())
-        self._set(values, *self._program.first_frame(state, *self._inputs(context)))
+        self._set(values, *self.program.first_frame(state, *self._inputs(context)))
 
     def _update_frame(self, context: Context, values: DiscreteValues) -> None:
         state = ProgramState.of_vector(context.get_discrete_state(self._state).value())
-        self._set(values, *self._program.advance(state, *self._inputs(context)))
+        self._set(values, *self.program.advance(state, *self._inputs(context)))
 
     def _set(self, values: DiscreteValues, state: ProgramState, frame: Frame) -> None:
         normals, distances = state.planes[:, :3], state.planes[:, 3]
