@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 
 #: Entries of the collision program's `display` output.
 DISPLAY = (
-    # Least separation of effector and payload from everything else, m, negative in collision, inf
-    # when nothing is looked at; and its pair, `CollisionTest.pair_names`, -1 for none.
+    # Least separation of effector and payload from everything else (of a docked payload, but for
+    # the CAE), m, negative in collision; and its pair, `CollisionTest.pair_names`.
     "separation_m",
     "pair",
     # The pair is of a payload that is held (1), or of a free effector (0).

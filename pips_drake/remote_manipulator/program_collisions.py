@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pips_drake.remote_manipulator.bodies import EFFECTOR, MachineBodies, Placement
+from pips_drake.remote_manipulator.bodies import EFFECTOR, PAYLOAD, MachineBodies, Placement
 from pips_drake.remote_manipulator.configuration import RemoteManipulatorConfig
 from pips_drake.remote_manipulator.convex_bodies import vertices_inside
 from pips_drake.remote_manipulator.docking import cae_front_planes
@@ -28,6 +28,10 @@ Flags = NDArray[np.bool_]
 #: The face that separates each of the effector's hexahedra from a bar that is held: d of the palm,
 #: b of the finger, e of the prong (RMS-71, CALSP1 to CALSP3), as axis of {2} and its direction.
 _HELD_FACES = ((0, 1.0), (1, 1.0), (1, -1.0))
+
+#: Rows of the palm's vertices, as a box in {2}, that are its bottom's (face d, +x2): those at -z2
+#: and +z2 on one side of the bar, then on the other.
+_BOTTOM = [2, 3, 6, 7]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +63,6 @@ class Contact:
         return self.payload or any(self.effector)
 
 
-#: A frame in which nothing is looked at: the payload is held by port and effector.
-def _nothing(planes: Array) -> Contact:
-    none = np.empty((0, 3))
-    return Contact((False, False, False), False, np.inf, -1, none, np.empty(0), planes)
-
-
 class CollisionTest:
     """The collision test of one machine.
 
@@ -76,6 +74,10 @@ class CollisionTest:
     def __init__(self, config: RemoteManipulatorConfig, *, report: bool = False) -> None:
         self.machine = MachineBodies(config)
         self._report = ReportTest(config, self.machine) if report else None
+        pairs, names = self.machine.held_pairs, self.machine.names
+        # The payload and the CAE that it is docked to.
+        carried = [names.index(name) for name in PAYLOAD]
+        self._docked = np.isin(pairs[:, 0], carried) & (pairs[:, 1] == names.index("core"))
         effector = config.effector
         self._bottom = config.arm.arm_2_m + effector.palm.length_m
         self._finger = -effector.finger_offset_m
@@ -90,13 +92,16 @@ class CollisionTest:
     def __call__(self, phase: Phase, placement: Placement) -> Contact:
         """What collides in a phase with everything at `placement`."""
         facts = TABLE[phase]
-        if facts.grasped and facts.support == "port":
-            return _nothing(self._held_planes(placement))
         pairs = self.machine.held_pairs if facts.grasped else self.machine.free_pairs
         R, p = self.machine.poses(placement)
         found = self.machine.bodies.separations(pairs, R, p)
         collides = found.separation <= 0.0
-        row = int(found.separation.argmin())
+        gaps = found.separation
+        if facts.grasped and facts.support == "port":
+            # Nothing moves, and the payload is at the port on purpose.
+            collides[:] = False
+            gaps = np.where(self._docked, np.inf, gaps)
+        row = int(gaps.argmin())
         if facts.grasped:
             planes = self._held_planes(placement)
             hits, payload = [False] * 3, bool(collides.any())
@@ -104,7 +109,7 @@ class CollisionTest:
             planes = found.plane[: len(EFFECTOR)]
             hits = np.bincount(pairs[collides, 0], minlength=len(EFFECTOR)).astype(bool).tolist()
             payload = False
-        if self._report is not None:
+        if self._report is not None and facts.mode != 4:
             if facts.grasped:
                 payload = self._report.payload_collides(facts.mode, R, p)
             else:
@@ -112,7 +117,7 @@ class CollisionTest:
         return Contact(
             (hits[0], hits[1], hits[2]),
             payload,
-            float(found.separation[row]),
+            float(gaps[row]),
             row,
             found.normal,
             found.separation,
@@ -154,7 +159,7 @@ class ReportTest:
         bar = machine.vertices("bar", R, p)
         in_payload = [(hexahedra[row] - p[k]) @ R[k] for row in rows]
         hits = [self._below_top(points) for points in in_payload]
-        bottom = hexahedra[0][1::2].mean(axis=0)
+        bottom = hexahedra[0][_BOTTOM].mean(axis=0)
         if np.linalg.norm(bottom - bar.mean(axis=0)) > self._far:
             # One face of the bar for all three: its top, c.
             top = face_planes(bar[None])[0, 2]
@@ -171,11 +176,8 @@ class ReportTest:
         return bool((over & (points[:, 2] > self._top) & (points[:, 2] < 0.0)).any())
 
     def _edge_touches(self, palm: Array) -> bool:
-        """AQFTST: the middle of an end of the palm's bottom is below the bar's top.
-
-        Of the bottom's vertices 2, 4, 6, 8, the two ends along z2 are 2-6 and 4-8.
-        """
-        middles = 0.5 * (palm[[1, 3]] + palm[[5, 7]])
+        """AQFTST: the middle of an end of the palm's bottom is below the bar's top, in {P}."""
+        middles = 0.5 * (palm[_BOTTOM[:2]] + palm[_BOTTOM[2:]])
         inside = (middles > self._bar_low) & (middles < self._bar_high)
         return bool(inside.all(axis=1).any())
 

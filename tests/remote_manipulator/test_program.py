@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pips_drake.remote_manipulator.acquisition import AcquisitionTest
+from pips_drake.remote_manipulator.bodies import Placement, convex_body
+from pips_drake.remote_manipulator.geometry import effector_parts
 from pips_drake.remote_manipulator.kinematics import (
     heading_matrix,
     pitch_matrix,
 )
 from pips_drake.remote_manipulator.phases import Phase
+from pips_drake.remote_manipulator.program import Measured
+from pips_drake.remote_manipulator.program_collisions import CollisionTest
 from pips_drake.remote_manipulator.program_motion import effector_pose
 from pips_drake.remote_manipulator.program_state import (
     ANGLES,
@@ -19,8 +24,9 @@ from pips_drake.remote_manipulator.program_state import (
     ProgramSettings,
     pose_of,
 )
+from pips_drake.units import FOOT
 
-from .program_world import CONFIG, STOWED, World, arm_over, docked_payload, world
+from .program_world import CONFIG, DOWN, PALM_TOP, STOWED, World, arm_over, docked_payload, world
 
 HELD_GAP = 0.25
 
@@ -161,8 +167,6 @@ def planes_separate(there: World) -> bool:
 
 
 def there_measured(there: World):
-    from pips_drake.remote_manipulator.program import Measured
-
     return Measured(there.payload, there.cae_now())
 
 
@@ -187,9 +191,6 @@ def test_the_planes_separate_effector_and_bar_in_every_frame(collision):
 
 
 def test_what_whole_bodies_see_and_vertices_miss_and_what_the_report_sees_that_is_not_there():
-    from pips_drake.remote_manipulator.bodies import Placement
-    from pips_drake.remote_manipulator.program_collisions import CollisionTest
-
     X_RC = np.eye(3), np.array(CONFIG.central_assembly_element.location_m)
     exact, report = (CollisionTest(CONFIG, report=literal) for literal in (False, True))
     reach = 0.5 * (CONFIG.payload.across_flats_m + CONFIG.central_assembly_element.across_flats_m)
@@ -216,6 +217,34 @@ def test_beyond_8_ft_the_report_looks_at_no_bar_and_hands_on_its_top():
     there.frame()
     top = STOWED[1][2] - 0.5 * CONFIG.payload.across_flats_m - CONFIG.receptacle.height_m
     np.testing.assert_allclose(there.state.planes, np.tile([0.0, 0.0, -1.0, -top], (3, 1)))
+
+
+@pytest.mark.parametrize(("step", "far"), [(-1e-9, False), (1e-9, True)])
+def test_the_8_ft_are_from_the_palms_bottom_to_the_bars_middle(step, far):
+    # From the bar's middle to its top, and 10 mm to the palm.
+    up = CONFIG.acquisition.far_ft * FOOT - 0.5 * CONFIG.receptacle.height_m - 0.01 + step
+    there = world(ProgramSettings(collision="report"), arm=arm_over(STOWED, height=3.5, up=up))
+    there.frame()
+    planes = there.state.planes
+    # One plane for all three, or palm and fingers each their own.
+    assert np.allclose(planes[0], planes[1]) == far
+
+
+def test_the_reports_edges_are_those_of_acquisition():
+    report = CollisionTest(CONFIG, report=True)._report
+    acquisition = AcquisitionTest(CONFIG)
+    palm = effector_parts(CONFIG.effector, CONFIG.arm.arm_2_m)[0]
+    corners = convex_body(palm).vertices
+    rng = np.random.default_rng(6)
+    touched = 0
+    for _ in range(300):
+        turn = pitch_matrix(rng.normal(0.0, 0.05)) @ heading_matrix(rng.normal(0.0, 0.3)) @ DOWN
+        wrist = STOWED[1] - [0.0, 0.0, PALM_TOP + CONFIG.arm.arm_2_m]
+        wrist = wrist + rng.normal(0.0, [0.3, 0.05, 0.01])
+        found = acquisition((turn, wrist), HELD_GAP, STOWED).edge_touches
+        assert report._edge_touches(corners @ turn.T + wrist - STOWED[1]) == found
+        touched += found
+    assert 50 < touched < 250
 
 
 def test_the_reports_program_extracts_too():

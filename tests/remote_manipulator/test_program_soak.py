@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pips_drake.remote_manipulator.control_word import decode, encode
+from pips_drake.remote_manipulator.display import display
 from pips_drake.remote_manipulator.phases import TRANSITIONS, Event, Phase
 from pips_drake.remote_manipulator.program_state import ProgramSettings
 
@@ -53,7 +54,8 @@ def soak(seed: int, frames: int, settings: ProgramSettings | None = None) -> Soa
         before = there.state
         state = there.frame(**operator.inputs())
         assert np.isfinite(state.vector()).all()
-        assert np.isfinite(there.shown.acquisition.distance + there.shown.docking.angle)
+        frame = there.shown
+        assert np.isfinite(display(state, frame)).all()
         if state.event in (Event.NONE, Event.RESET):
             expected = first if state.event is Event.RESET else before.phase
             assert state.phase is expected
@@ -64,11 +66,11 @@ def soak(seed: int, frames: int, settings: ProgramSettings | None = None) -> Soa
         if state.event is Event.NONE and not state.initializing:
             assert state.arm_inhibit == (state.arm_collision and before.arm_collision)
             assert state.finger_inhibit == (state.finger_collision and before.finger_collision)
-        word = there.shown.word
+        word = frame.word
         assert decode(encode(word)) == word
         found.phases[state.phase] += 1
         found.events[state.event] += 1
-        if state.phase is not Phase.DOCKED_HELD and there.shown.contact.separation < NEAR:
+        if state.phase is not Phase.DOCKED_HELD and frame.contact.separation < NEAR:
             found.looked += 1
             gap = least_separation(there)
             if gap < 0.0:
