@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pips_drake.config import load_plain, load_yaml
 from pips_drake.errors import InputError, UnknownNameError
 from pips_drake.planning.scenario import PlannerScenario, with_goal
+from pips_drake.remote_manipulator.scenario import RemoteManipulatorScenario
 from pips_drake.scene.packages import (
     find_scenario_file,
     find_scene_file,
@@ -56,6 +57,12 @@ def _simulate_plan(*args: Any, **kwargs: Any) -> Verdict:
     return run(*args, **kwargs)
 
 
+def _simulate_task(*args: Any, **kwargs: Any) -> Verdict:
+    from pips_drake.remote_manipulator.runs.simulate import simulate as run
+
+    return run(*args, **kwargs)
+
+
 @dataclass(frozen=True)
 class Machine:
     """A machine that scenarios can be written for.
@@ -75,6 +82,7 @@ class Machine:
 
 MACHINES = {
     "planner": Machine(PlannerScenario, _simulate_plan, plan=_plan_goals),
+    "remote_manipulator": Machine(RemoteManipulatorScenario, _simulate_task),
     "serpentine": Machine(SerpentineScenario, _simulate_serpentine, studies=_serpentine_studies),
 }
 
@@ -111,6 +119,8 @@ def load_scenario(
     config: Any = load_yaml(MACHINES[machine].schema, file, overrides=dict(overrides or {}))
     scene_file = None
     if scene is not None:
+        if not hasattr(config, "scene"):
+            raise InputError(f"{file}: machine = {machine}, which takes no other scene")
         config.scene, scene_file = find_own_scene(scene)
         if not config.scene and config.camera.target_body:
             config.camera.enabled, config.camera.target_body = False, ""

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 #: Shoulder turned backwards, elbow below the line from shoulder to wrist, wrist flipped over.
 Branch = tuple[bool, bool, bool]
 _SIDES = (False, True)
+#: Angles that are as near as this, rad, are taken without looking at the other branches.
+_SURELY_NEAREST = 0.05
 #: All ways in which the arm can hold its palm somewhere; the first is the usual one.
 BRANCHES: tuple[Branch, ...] = tuple(itertools.product(_SIDES, _SIDES, _SIDES))
 
@@ -182,6 +184,9 @@ def nearest_angles(
             distance = float(np.max(np.abs(candidate - reference)))
             if np.all(inside) and distance < least:
                 best, least = candidate, distance
+        # The branches lie far apart, but at singular poses: none of the others will be nearer.
+        if least < _SURELY_NEAREST:
+            break
     return best
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
-from pips_drake.remote_manipulator.configuration import RemoteManipulatorConfig
+from pips_drake.remote_manipulator.configuration import STATIONS, RemoteManipulatorConfig
 from pips_drake.remote_manipulator.phases import Phase
 from pips_drake.remote_manipulator.program import CollisionProgram as Program
 from pips_drake.remote_manipulator.program_state import FRAME_PERIOD, ProgramSettings
@@ -24,10 +24,11 @@ from pips_drake.remote_manipulator.systems.attitude_limit_cycle import AttitudeL
 from pips_drake.remote_manipulator.systems.collision_program import CollisionProgram
 from pips_drake.remote_manipulator.systems.relative_poses import RelativePoses
 from pips_drake.remote_manipulator.systems.slave_arm import SlaveArm
+from pips_drake.remote_manipulator.systems.visual_scene_program import VisualSceneProgram
 from pips_drake.twin.systems.clearance_monitor import ClearanceMonitor
 
 #: Clearances larger than this are not looked for, m.
-CLEARANCE_RANGE = 2.0
+CLEARANCE_RANGE = 1.0
 #: What the payload's support means for the phase that a run begins in.
 FIRST_PHASES = {"bay": Phase.STOWED, "port": Phase.DOCKED, "none": Phase.FREE_FLYING}
 _OUTPUTS = {
@@ -43,6 +44,7 @@ _OUTPUTS = {
     "relative_poses": ("payload_pose", "cae_pose", "arm_measured"),
     "slave_arm": ("arm_desired_state",),
     "clearance_monitor": ("clearance", "witness"),
+    "visual_scene_program": ("station", "camera", "camera_pose", "color_image"),
 }
 
 
@@ -79,18 +81,20 @@ def MakeRemoteManipulatorStation(
     program_settings: ProgramSettings | None = None,
     operator: System | None = None,
     jets: JetConfig | None = None,
+    camera: str = STATIONS[0],
 ) -> Station:
     """The station in which an operator works with the arm: a finished diagram.
 
     Systems, by name: `operator` (if one is given), `collision_program`, `slave_arm`, `plant`,
-    `scene_graph`, `relative_poses`, `clearance_monitor` and, with jets, `attitude_limit_cycle`.
+    `scene_graph`, `relative_poses`, `clearance_monitor`, `visual_scene_program` and, with jets,
+    `attitude_limit_cycle`.
 
     Input port: `operator.channels` (17,) V, where no operator is given.
 
     Output ports, as `<system>.<port>`: those of `collision_program`, `relative_poses`,
-    `slave_arm`, `clearance_monitor` that are described there; `operator.channels` and the
-    operator's other outputs; `plant.state`, `plant.arm_state` (16,), `plant.arm_effort` (8,) N and
-    N m, `plant.contact_results`, `scene_graph.query`.
+    `slave_arm`, `clearance_monitor` and `visual_scene_program` that are described there;
+    `operator.channels` and the operator's other outputs; `plant.state`, `plant.arm_state` (16,),
+    `plant.arm_effort` (8,) N and N m, `plant.contact_results`, `scene_graph.query`.
 
     Latencies: what the operator does in a frame is decided on at its end, 0.05 s; the slave arm is
     there a frame and a control period later.
@@ -102,6 +106,7 @@ def MakeRemoteManipulatorStation(
         operator: a system with the output `channels`, and inputs that have names of outputs of
             `collision_program` or `relative_poses`, which are connected.
         jets: of a payload that flies free at first.
+        camera: station that is chosen at first.
     """
     settings = settings or PlantSettings()
     builder = DiagramBuilder()
@@ -126,7 +131,13 @@ def MakeRemoteManipulatorStation(
     for name in ("payload_pose", "cae_pose", "arm_measured"):
         builder.Connect(poses.GetOutputPort(name), system.GetInputPort(name))
     slave = builder.AddNamedSystem(
-        "slave_arm", SlaveArm(config, frame=FRAME_PERIOD, period=_control_period(settings))
+        "slave_arm",
+        SlaveArm(
+            config,
+            frame=FRAME_PERIOD,
+            period=_control_period(settings),
+            start=program.first_command,
+        ),
     )
     builder.Connect(system.GetOutputPort("setpoint"), slave.GetInputPort("setpoint"))
     builder.Connect(
@@ -147,6 +158,15 @@ def MakeRemoteManipulatorStation(
         ),
     )
     builder.Connect(scene_graph.get_query_output_port(), monitor.GetInputPort("query_object"))
+    scene = builder.AddNamedSystem(
+        "visual_scene_program",
+        VisualSceneProgram(config, station=camera, orbiter_index=machine.orbiter.index()),
+    )
+    builder.Connect(system.GetOutputPort("control_word"), scene.GetInputPort("control_word"))
+    for name in ("payload_pose", "cae_pose", "arm_measured"):
+        builder.Connect(poses.GetOutputPort(name), scene.GetInputPort(name))
+    builder.Connect(plant.get_body_poses_output_port(), scene.GetInputPort("body_poses"))
+    builder.Connect(scene_graph.get_query_output_port(), scene.GetInputPort("query_object"))
     if jets is not None:
         _add_jets(builder, machine, system, jets)
     if operator is None:

@@ -1,0 +1,190 @@
+"""Figures of a run: phases, flags and clearance over time; the joints; the way into the port."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pips_drake.remote_manipulator.configuration import JOINTS, RemoteManipulatorConfig
+from pips_drake.remote_manipulator.phases import PHASES, TABLE, Phase
+from pips_drake.remote_manipulator.runs.data import FLAGS, RunData
+from pips_drake.twin.figures import (
+    COLORS,
+    LIMIT_COLOR,
+    Limit,
+    Line,
+    Mark,
+    Panel,
+    draw_panel,
+    figure_style,
+    new_figure,
+    save_figure,
+    time_series_figure,
+)
+from pips_drake.units import FOOT
+
+Array = NDArray[np.float64]
+
+_TIME = "time (s)"
+#: How light the phases' bands are behind a panel.
+_BAND = 0.13
+
+
+def timeline_figure(file: Path, data: RunData) -> None:
+    """The phases, the collision and inhibit flags, and the least clearance, over time."""
+    with figure_style():
+        figure = new_figure(6.4)
+        top, middle, bottom = figure.subplots(
+            3, 1, sharex=True, gridspec_kw={"height_ratios": [1.0, 0.8, 1.4]}
+        )
+        met = [phase for phase in Phase if phase in data.phase]
+        rows = np.array([met.index(Phase(int(phase))) for phase in data.phase])
+        top.set_title("Phase")
+        top.plot(data.time, rows, drawstyle="steps-post", color="black")
+        labels = [f"{PHASES[p].replace('_', ' ')} (mode {TABLE[p].mode})" for p in met]
+        top.set_yticks(range(len(met)), labels)
+        top.set_ylim(-0.6, len(met) - 0.4)
+        middle.set_title("Collision and inhibit flags")
+        for row, name in enumerate(FLAGS):
+            color = LIMIT_COLOR if "inhibit" in name else COLORS[4]
+            middle.broken_barh(
+                _spans(data.time, data.flags[:, row]), (row - 0.35, 0.7), color=color
+            )
+        middle.set_yticks(range(len(FLAGS)), [name.replace("_", " ") for name in FLAGS])
+        middle.set_ylim(-0.6, len(FLAGS) - 0.4)
+        middle.invert_yaxis()
+        clear = np.asarray(data.clearance, dtype=np.float64)
+        nearest = int(np.argmin(np.where(np.isfinite(clear), clear, np.inf)))
+        pair = data.pairs[nearest]
+        panel = Panel(
+            title="Least clearance of arm and payload to everything else, as simulated",
+            y_label="clearance (m)",
+            lines=[Line(x=data.time, y=clear, color=COLORS[0])],
+            y_range=(min(0.0, float(np.nanmin(clear))) - 0.02, None),
+        )
+        draw_panel(bottom, panel)
+        if pair is not None:
+            bottom.annotate(
+                f"{clear[nearest]:.3f} m\n{pair[0]}\n{pair[1]}",
+                (data.time[nearest], clear[nearest]),
+                xytext=(0.5, 0.6),
+                textcoords="axes fraction",
+                fontsize=8,
+                arrowprops={"arrowstyle": "-", "color": "#555555"},
+            )
+        bottom.set_xlabel(_TIME)
+        for axes in (top, middle, bottom):
+            _shade(axes, data)
+        figure.align_ylabels()
+        save_figure(figure, file)
+
+
+def joints_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) -> None:
+    """The six angles with their hard limits, stand and prong, and the drives' shares of force."""
+    degrees, arm = np.degrees(data.arm[:, 1:7]), config.arm
+    panels = [
+        Panel(
+            title=f"{name}: {np.degrees(arm.lower[k]):g} .. {np.degrees(arm.upper[k]):g} deg",
+            y_label="deg",
+            lines=[
+                Line(x=data.time, y=np.degrees(data.setpoint[:, 1 + k]), color="#999999"),
+                Line(x=data.time, y=degrees[:, k]),
+            ],
+        )
+        for k, name in enumerate(JOINTS)
+    ]
+    stand, gap = config.stand, config.effector
+    for column, title in (
+        (0, f"stand: {stand.lower_m:g} .. {stand.upper_m:g} m"),
+        (7, f"prong's gap: {gap.prong_closed_gap_m:g} .. {gap.prong_open_gap_m:g} m"),
+    ):
+        sent, found = (
+            Line(x=data.time, y=values[:, column], color=color)
+            for values, color in ((data.setpoint, "#999999"), (data.arm, COLORS[0]))
+        )
+        panels.append(Panel(title=title, y_label="m", lines=[sent, found]))
+    shares = 100.0 * data.torque_fractions(config)
+    panels.append(
+        Panel(
+            title="Largest share of a joint's torque",
+            y_label="% of its limit",
+            lines=[Line(x=data.time, y=shares[:, 1:7].max(axis=1))],
+            limits=[Limit(value=100.0)],
+        )
+    )
+    panels.append(
+        Panel(
+            title="Palm to where it was sent",
+            y_label="mm",
+            lines=[Line(x=data.time, y=1e3 * data.tracking_error(config))],
+        )
+    )
+    title = "Joints: simulated (blue) and sent (grey)"
+    figure = time_series_figure(panels, _TIME, title=title, columns=2, panel_height=1.6)
+    save_figure(figure, file)
+
+
+def docking_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) -> bool:
+    """Distance and angle to docking while the payload is held near the port; False: it never is."""
+    distance, angle = data.display["docking_distance_m"], data.display["docking_angle_rad"]
+    held = np.array([TABLE[Phase(int(phase))].grasped for phase in data.phase])
+    near = held & (distance < 2.0)
+    if np.count_nonzero(near) < 2:
+        return False
+    first, last = np.flatnonzero(near)[[0, -1]]
+    rows = slice(first, last + 1)
+    allowed = math.degrees(math.acos(1.0 - 2.0**config.docking.cosine_deficit_log2))
+    panels = [
+        Panel(
+            title="Probe's middle to port's",
+            y_label="distance (m)",
+            lines=[Line(x=data.time[rows], y=distance[rows])],
+            limits=[Limit(value=config.docking.distance_ft * FOOT, label="docks below")],
+            marks=_decided(data, rows, distance),
+            log=True,
+        ),
+        Panel(
+            title="Angle between the y axes of probe and port",
+            y_label="angle (deg)",
+            lines=[Line(x=data.time[rows], y=np.degrees(angle[rows]))],
+            limits=[Limit(value=allowed, label="docks below")],
+        ),
+    ]
+    figure = time_series_figure(panels, _TIME, title="Docking", panel_height=2.4)
+    save_figure(figure, file)
+    return True
+
+
+def _decided(data: RunData, rows: slice, distance: Array) -> list[Mark]:
+    docked = Phase.DOCKED_HELD
+    when = np.flatnonzero((data.phase[1:] == docked) & (data.phase[:-1] != docked)) + 1
+    return [
+        Mark(x=float(data.time[row]), y=float(distance[row - 1]), text="docked")
+        for row in when[:1]
+        if rows.start <= row < rows.stop
+    ]
+
+
+def _spans(time: Array, flag: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Starts and lengths of the times when a flag is up; at least as long as can be seen."""
+    edges = np.diff(np.concatenate([[0], flag.astype(int), [0]]))
+    least = 0.002 * float(time[-1] - time[0])
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return [
+        (float(time[a]), max(float(time[min(b, len(time) - 1)] - time[a]), least))
+        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
+    ]
+
+
+def _shade(axes, data: RunData) -> None:  # type: ignore[no-untyped-def]
+    """A light band for each phase."""
+    changes = [0, *(np.flatnonzero(np.diff(data.phase)) + 1), len(data.time) - 1]
+    for first, last in itertools.pairwise(changes):
+        color = COLORS[int(data.phase[first]) % 6]
+        axes.axvspan(
+            float(data.time[first]), float(data.time[last]), color=color, alpha=_BAND, linewidth=0
+        )
