@@ -9,7 +9,13 @@ import pytest
 
 from pips_drake.remote_manipulator.inhibit import Hits, follow_up
 from pips_drake.remote_manipulator.phases import Phase
-from pips_drake.remote_manipulator.program_state import ANGLES, GAP, HEIGHT, ProgramSettings
+from pips_drake.remote_manipulator.program_state import (
+    ANGLES,
+    GAP,
+    HEIGHT,
+    ProgramSettings,
+    first_state,
+)
 
 from .program_world import CONFIG, STOWED, World, arm_over, world
 
@@ -27,7 +33,7 @@ def flags(state) -> tuple[bool, bool, bool, bool]:
 
 def sequence(hits: str, finger: str | None = None) -> list[tuple[bool, bool]]:
     """Inhibit flags (arm, finger) of frames in which x stands for a hit."""
-    state = world().state
+    state = first_state(Phase.STOWED, np.zeros(11))
     found = []
     for frame, (arm, prong) in enumerate(zip(hits, finger or hits, strict=True)):
         command = state.command.copy()
@@ -154,8 +160,8 @@ def test_a_payload_in_a_wall_raises_both_flags_on_the_second_frame(inhibit):
     there = world(ProgramSettings(inhibit=inhibit), arm=arm_over(STOWED, height=3.5, gap=0.25))
     there.frame()
     assert there.state.phase is Phase.EXTRACTION
-    there.go(arm_over((STOWED[0], STOWED[1] - [0.0, 0.0, 0.5]), height=3.5, gap=0.25))
-    aside = arm_over((STOWED[0], STOWED[1] + [0.0, 0.6, -0.5]), height=3.5, gap=0.25)
+    there.go(arm_over((STOWED[0], STOWED[1] - [0.0, 0.0, 0.2]), height=3.5, gap=0.25))
+    aside = arm_over((STOWED[0], STOWED[1] + [0.0, 0.6, -0.2]), height=3.5, gap=0.25)
     seen, sent = [], []
     for _ in range(400):
         state = there.frame(angles=aside[ANGLES])
