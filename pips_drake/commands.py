@@ -174,8 +174,12 @@ class Simulate:
     def run(self) -> int:
         from pips_drake.scenarios import load_scenario, simulate
 
-        loaded = load_scenario(self.scenario, _parse_overrides(self.overrides), scene=self.scene)
-        loaded.config.decompose_meshes |= self.decompose
+        loaded = load_scenario(
+            self.scenario,
+            _parse_overrides(self.overrides),
+            scene=self.scene,
+            decompose=self.decompose,
+        )
         meshcat = _serve_meshcat() if self.meshcat else None
         out = self.out or Path("out") / loaded.name
         verdict = simulate(loaded, out=out, force=self.force, meshcat=meshcat)

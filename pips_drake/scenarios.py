@@ -103,13 +103,18 @@ class LoadedScenario:
 
 
 def load_scenario(
-    name: str, overrides: Mapping[str, str] | None = None, *, scene: str | None = None
+    name: str,
+    overrides: Mapping[str, str] | None = None,
+    *,
+    scene: str | None = None,
+    decompose: bool = False,
 ) -> LoadedScenario:
     """The scenario of a shipped name or of a file.
 
     Args:
         overrides: dotted field names to texts, such as `{"motion.dwell_s": "2"}`.
         scene: another scene, see `find_own_scene`.
+        decompose: split the scene's meshes into convex parts, whatever the scenario says.
 
     Raises:
         InputError: no such scenario, an unknown key, or a value that is not allowed.
@@ -124,6 +129,10 @@ def load_scenario(
         config.scene, scene_file = find_own_scene(scene)
         if not config.scene and config.camera.target_body:
             config.camera.enabled, config.camera.target_body = False, ""
+    if decompose:
+        if not hasattr(config, "decompose_meshes"):
+            raise InputError(f"{file}: machine = {machine}, which has no meshes to decompose")
+        config.decompose_meshes = True
     return LoadedScenario(
         name=file.stem, machine=machine, config=config, folder=file.parent, scene_file=scene_file
     )
