@@ -42,7 +42,10 @@ SCENARIOS: dict[str, tuple[dict[str, Any], str]] = {
         dict(machine="crane"),
         "unknown machine 'crane'; known: planner, remote_manipulator, serpentine",
     ),
-    "no machine": (dict(machine=None), "no key 'machine'; must be one of planner, remote_manipulator, serpentine"),
+    "no machine": (
+        dict(machine=None),
+        "no key 'machine'; must be one of planner, remote_manipulator, serpentine",
+    ),
     "a list for a machine": (dict(machine=["serpentine"]), "unknown machine"),
     "a path outside": (dict(path="../../secret.csv"), "'../../secret.csv'"),
     "no speed": (dict(motion=dict(tip_speed_mm_per_s=0)), "tip_speed_mm_per_s = 0.0; must be > 0"),
