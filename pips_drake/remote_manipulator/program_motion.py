@@ -102,6 +102,10 @@ class MasterFollower:
         return at_stop[0], at_stop[1]
 
 
+#: A contact's normal with less than this of the wall's own is one of the wall's upper edge.
+_ALONG_WALL = 0.99
+
+
 class WallSlider:
     """Takes a held payload along the bay's side walls where the command would take it into them.
 
@@ -146,10 +150,15 @@ class WallSlider:
         (R, wrist), (R_end, wrist_end) = (effector_pose(arm, one) for one in (free, master))
         way = wrist_end + R_end @ p_2P - wrist - R @ p_2P
         for row in np.flatnonzero(contact.separations <= 0.0):
-            if machine.names[machine.held_pairs[row, 1]] not in SIDE_WALLS:
+            wall = machine.names[machine.held_pairs[row, 1]]
+            if wall not in SIDE_WALLS:
                 return None
             normal = contact.normals[row]
             room = max(float(before.separations[row]) - SLIDE_GAP, 0.0)
+            if abs(normal[1]) < _ALONG_WALL:
+                # At the wall's upper edge the shallowest way out is over it: not for a slide.
+                side = 1.0 if wall == "wall_starboard" else -1.0
+                normal, room = np.array([0.0, side, 0.0]), 0.0
             way -= min(float(way @ normal) + room, 0.0) * normal
         palm, height = wrist + arm.arm_2_m * R[:, 0], float(command[HEIGHT])
         share = min(1.0, self._step / max(float(np.linalg.norm(way)), 1e-12))

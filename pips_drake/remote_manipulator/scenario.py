@@ -155,8 +155,8 @@ class CheckConfig:
     # How often motion may and must be inhibited (each rise of a flag counts once).
     inhibits_min: int = 0
     inhibits_max: int = 0
-    # Least distance of arm and payload to everything else, mm, while the payload is held farther
-    # than `docking_zone_m` from the port.
+    # Least distance of arm and payload to everything else, mm, while the payload is farther than
+    # `docking_zone_m` from the port; 0: they may touch.
     clearance_min_mm: float = 0.0
     docking_zone_m: float = 0.5
     # Deepest that contact may press two bodies into each other, mm.

@@ -104,7 +104,8 @@ def judge(scenario: RemoteManipulatorScenario, summary: dict[str, Any]) -> list[
         allowed = f"{checks.inhibits_min} .. {checks.inhibits_max}"
         failures.append(f"motion was inhibited {inhibits} times; must be {allowed}")
     least = summary["clearance_sampled_min_m"]
-    if least < checks.clearance_min_mm * 1e-3:
+    # Without a least clearance contact is allowed, as deep as the next check says.
+    if checks.clearance_min_mm > 0.0 and least < checks.clearance_min_mm * 1e-3:
         pair = " to ".join(summary["clearance_min_pair"] or ())
         failures.append(
             f"clearance {least * 1e3:.1f} mm ({pair}) at {summary['clearance_min_time_s']:.2f} s; "
