@@ -7,18 +7,22 @@ import math
 from pathlib import Path
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from pips_drake.remote_manipulator.configuration import JOINTS, RemoteManipulatorConfig
 from pips_drake.remote_manipulator.phases import PHASES, TABLE, Phase
 from pips_drake.remote_manipulator.runs.data import FLAGS, RunData
+from pips_drake.remote_manipulator.station.station import CLEARANCE_RANGE
 from pips_drake.twin.figures import (
     COLORS,
     LIMIT_COLOR,
+    MUTED_COLOR,
     Limit,
     Line,
     Mark,
     Panel,
+    add_mark,
     draw_panel,
     figure_style,
     new_figure,
@@ -34,8 +38,12 @@ _TIME = "time (s)"
 _BAND = 0.13
 
 
-def timeline_figure(file: Path, data: RunData) -> None:
-    """The phases, the collision and inhibit flags, and the least clearance, over time."""
+def timeline_figure(file: Path, data: RunData, judged: NDArray[np.bool_]) -> None:
+    """The phases, the collision and inhibit flags, and the least clearance, over time.
+
+    Args:
+        judged: the frames whose clearance is judged, (N,); the others' is drawn in grey.
+    """
     with figure_style():
         figure = new_figure(6.4)
         top, middle, bottom = figure.subplots(
@@ -57,43 +65,57 @@ def timeline_figure(file: Path, data: RunData) -> None:
         middle.set_yticks(range(len(FLAGS)), [name.replace("_", " ") for name in FLAGS])
         middle.set_ylim(-0.6, len(FLAGS) - 0.4)
         middle.invert_yaxis()
-        clear = np.asarray(data.clearance, dtype=np.float64)
-        nearest = int(np.argmin(np.where(np.isfinite(clear), clear, np.inf)))
-        pair = data.pairs[nearest]
-        panel = Panel(
-            title="Least clearance of arm and payload to everything else, as simulated",
-            y_label="clearance (m)",
-            lines=[Line(x=data.time, y=clear, color=COLORS[0])],
-            y_range=(min(0.0, float(np.nanmin(clear))) - 0.02, None),
-        )
-        draw_panel(bottom, panel)
-        if pair is not None:
-            bottom.annotate(
-                f"{clear[nearest]:.3f} m\n{pair[0]}\n{pair[1]}",
-                (data.time[nearest], clear[nearest]),
-                xytext=(0.5, 0.6),
-                textcoords="axes fraction",
-                fontsize=8,
-                arrowprops={"arrowstyle": "-", "color": "#555555"},
-            )
+        if not np.any(data.flags):
+            middle.text(0.5, 0.5, "none", transform=middle.transAxes, ha="center", va="center",
+                        color=MUTED_COLOR)  # fmt: skip
+        draw_panel(bottom, _clearance_panel(data, judged))
         bottom.set_xlabel(_TIME)
         for axes in (top, middle, bottom):
             _shade(axes, data)
-        figure.align_ylabels()
+        figure.draw_without_rendering()  # lays out, so that the mark knows where there is room
+        figure.set_layout_engine("none")
+        for mark in _nearest(data, judged):
+            add_mark(bottom, mark)
         save_figure(figure, file)
+
+
+def _clearance_panel(data: RunData, judged: NDArray[np.bool_]) -> Panel:
+    """Clearance over time, in grey where it is not judged."""
+    clear = data.clearance
+    lines = [Line(x=data.time, y=clear, color="#999999", label="not judged: at the port")]
+    if np.all(judged):
+        lines = []
+    lines.append(Line(x=data.time, y=np.where(judged, clear, np.nan), color=COLORS[0]))
+    return Panel(
+        title=f"Least clearance of arm and payload to everything else, up to {CLEARANCE_RANGE:g} m",
+        y_label="clearance (m)",
+        lines=lines,
+        y_range=(min(0.0, float(clear.min())) - 0.02, None),
+    )
+
+
+def _nearest(data: RunData, judged: NDArray[np.bool_]) -> list[Mark]:
+    """The least of the clearances that are judged, if anything is in range."""
+    row = int(np.argmin(np.where(judged, data.clearance, np.inf)))
+    pair = data.pairs[row]
+    if not judged[row] or pair is None:
+        return []
+    # Models are called after the machine, bodies after what they are.
+    first, second = (name.rpartition("::")[2].replace("_", " ") for name in pair)
+    least = float(data.clearance[row])
+    text = f"{1e3 * least:.0f} mm, {first} to {second}"
+    return [Mark(x=float(data.time[row]), y=least, text=text)]
 
 
 def joints_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) -> None:
     """The six angles with their hard limits, stand and prong, and the drives' shares of force."""
-    degrees, arm = np.degrees(data.arm[:, 1:7]), config.arm
+    arm = config.arm
     panels = [
         Panel(
             title=f"{name}: {np.degrees(arm.lower[k]):g} .. {np.degrees(arm.upper[k]):g} deg",
             y_label="deg",
-            lines=[
-                Line(x=data.time, y=np.degrees(data.setpoint[:, 1 + k]), color="#999999"),
-                Line(x=data.time, y=degrees[:, k]),
-            ],
+            lines=_sent_and_found(data, 1 + k, factor=180.0 / math.pi),
+            y_range=_at_least_a_degree(np.degrees(data.arm[:, 1 + k])),
         )
         for k, name in enumerate(JOINTS)
     ]
@@ -102,30 +124,50 @@ def joints_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) ->
         (0, f"stand: {stand.lower_m:g} .. {stand.upper_m:g} m"),
         (7, f"prong's gap: {gap.prong_closed_gap_m:g} .. {gap.prong_open_gap_m:g} m"),
     ):
-        sent, found = (
-            Line(x=data.time, y=values[:, column], color=color)
-            for values, color in ((data.setpoint, "#999999"), (data.arm, COLORS[0]))
-        )
-        panels.append(Panel(title=title, y_label="m", lines=[sent, found]))
+        panels.append(Panel(title=title, y_label="m", lines=_sent_and_found(data, column)))
     shares = 100.0 * data.torque_fractions(config)
     panels.append(
         Panel(
-            title="Largest share of a joint's torque",
+            title="Largest share of a joint's torque in each second",
             y_label="% of its limit",
-            lines=[Line(x=data.time, y=shares[:, 1:7].max(axis=1))],
+            lines=[_largest(data.time, shares[:, 1:7].max(axis=1))],
             limits=[Limit(value=100.0)],
         )
     )
     panels.append(
         Panel(
-            title="Palm to where it was sent",
+            title="Palm to where it was sent, at most in each second",
             y_label="mm",
-            lines=[Line(x=data.time, y=1e3 * data.tracking_error(config))],
+            lines=[_largest(data.time, 1e3 * data.tracking_error(config))],
         )
     )
     title = "Joints: simulated (blue) and sent (grey)"
     figure = time_series_figure(panels, _TIME, title=title, columns=2, panel_height=1.6)
     save_figure(figure, file)
+
+
+def _sent_and_found(data: RunData, column: int, *, factor: float = 1.0) -> list[Line]:
+    """Of an entry of the arm vector: where it was sent, a broad line below, and where it was."""
+    return [
+        Line(x=data.time, y=factor * data.setpoint[:, column], color="#BBBBBB", width=3.5),
+        Line(x=data.time, y=factor * data.arm[:, column], color=COLORS[0]),
+    ]
+
+
+def _at_least_a_degree(values: Array) -> tuple[float | None, float | None]:
+    """A range for an axis, so that thousandths of a degree do not look like motion."""
+    middle = 0.5 * float(values.min() + values.max())
+    return (middle - 0.5, middle + 0.5) if float(np.ptp(values)) < 0.8 else (None, None)
+
+
+def _largest(time: Array, values: Array, period: float = 1.0) -> Line:
+    """The largest value (not of NaN) of each period, s."""
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    if not len(time):
+        return Line(x=time, y=values)
+    starts = np.flatnonzero(np.diff(np.floor(time / period), prepend=-1.0) != 0.0)
+    return Line(x=time[starts], y=np.maximum.reduceat(values, starts))
 
 
 def docking_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) -> bool:
@@ -154,7 +196,12 @@ def docking_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) -
             limits=[Limit(value=allowed, label="docks below")],
         ),
     ]
-    figure = time_series_figure(panels, _TIME, title="Docking", panel_height=2.4)
+    title = "Docking: the payload's probe and the CAE's port"
+    figure = time_series_figure(panels, _TIME, title=title, panel_height=2.4)
+    axis = figure.axes[0].yaxis
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
     save_figure(figure, file)
     return True
 
@@ -163,7 +210,7 @@ def _decided(data: RunData, rows: slice, distance: Array) -> list[Mark]:
     docked = Phase.DOCKED_HELD
     when = np.flatnonzero((data.phase[1:] == docked) & (data.phase[:-1] != docked)) + 1
     return [
-        Mark(x=float(data.time[row]), y=float(distance[row - 1]), text="docked")
+        Mark(x=float(data.time[row]), y=float(distance[row]), text="docked")
         for row in when[:1]
         if rows.start <= row < rows.stop
     ]

@@ -40,7 +40,7 @@ def summarize(
     tightest = int(np.argmin(margins.min(axis=0)))
     summary: dict[str, Any] = {
         "phases": data.phases,
-        "phase_times_s": [0.0, *data.time[1:][np.diff(data.phase) != 0].tolist()],
+        "phase_times_s": [0.0, *data.time[1:][np.diff(data.phase) != 0].round(6).tolist()],
         "inhibits": data.inhibits,
         "frames": len(data.time),
         "frames_inhibited": int(np.sum(data.flags[:, 2] | data.flags[:, 3])),
@@ -65,9 +65,9 @@ def summarize(
     before, after = data.phase[:-1], data.phase[1:]
     docked = np.flatnonzero((after == Phase.DOCKED_HELD) & (before == Phase.MANOEUVRING))
     if docked.size:
-        row = int(docked[-1])
+        row = int(docked[-1]) + 1  # of the frame that decided
         summary |= {
-            "docked_at_s": float(data.time[row + 1]),
+            "docked_at_s": float(data.time[row]),
             "docking_distance_m": float(data.display["docking_distance_m"][row]),
             "docking_angle_rad": float(data.display["docking_angle_rad"][row]),
         }

@@ -27,7 +27,7 @@ from pips_drake.twin.replay import Bookmark, write_replay
 Array = NDArray[np.float64]
 
 #: Where the whole scene is looked at from and at what, m in the world: from port, aft and above.
-EYE, TARGET = (19.0, -25.0, 15.0), (4.5, 2.2, 2.0)
+EYE, TARGET = (20.0, -26.0, 15.0), (6.0, 2.2, 2.0)
 #: Width and height of a picture, pixels.
 SIZE = (1200, 750)
 #: More phases than this have no room in the figure.
@@ -35,22 +35,25 @@ MOST_PHASES = 6
 
 
 def phases_figure(file: Path, scene: TaskScene, data: RunData) -> None:
-    """The scene in each phase that the run went through, in the middle of its time."""
+    """The scene in each phase that the run went through, in the middle of its time.
+
+    And at the end, where a place is left.
+    """
     starts = [0, *(np.flatnonzero(np.diff(data.phase)) + 1)]
     ends = [*starts[1:], len(data.time)]
     spans = list(zip(starts, ends, strict=True))
     if len(spans) > MOST_PHASES:  # the longest ones
         kept = sorted(spans, key=lambda span: span[0] - span[1])[:MOST_PHASES]
         spans = sorted(kept)
-    columns = 2 if len(spans) > 1 else 1
-    rows = -(-len(spans) // columns)
+    moments = [_telling_row(data, start, end) for start, end in spans]
+    if len(moments) % 2:
+        moments.append(len(data.time) - 1)
+    rows = len(moments) // 2
     with figure_style():
-        figure = new_figure(3.35 * rows if columns == 2 else 6.4)
-        grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes in grid:
+        figure = new_figure(3.35 * rows)
+        grid = figure.subplots(rows, 2, squeeze=False).ravel()
+        for axes, row in zip(grid, moments, strict=True):
             axes.set_axis_off()
-        for axes, (start, end) in zip(grid, spans, strict=False):
-            row = _telling_row(data, start, end)
             phase = Phase(int(data.phase[row]))
             axes.imshow(overview(scene, data.positions[row]))
             name = PHASES[phase].replace("_", " ")
@@ -142,7 +145,7 @@ def write_run_replay(file: Path, run: Run, *, title: str, events: list[Event]) -
     ]
     write_replay(
         file,
-        diagram=run.station.diagram,
+        diagram=run.diagram,
         plant=plant,
         model=first,
         time=data.time,

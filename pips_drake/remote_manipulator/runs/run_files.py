@@ -10,17 +10,14 @@ from typing import Any
 import numpy as np
 
 from pips_drake.remote_manipulator.analog_inputs import CHANNELS, angle_scaling, decode_channels
-from pips_drake.remote_manipulator.configuration import STATIONS, RemoteManipulatorConfig
-from pips_drake.remote_manipulator.drives import ARM_JOINTS
+from pips_drake.remote_manipulator.configuration import JOINTS, STATIONS, RemoteManipulatorConfig
 from pips_drake.remote_manipulator.operator_recording import OperatorRecording, write_recording
 from pips_drake.remote_manipulator.runs.data import ARM_COLUMNS, FLAGS, Event, RunData
 from pips_drake.twin.output_folder import write_whole
 from pips_drake.twin.recording import Series, write_csv
 
 _POSE = ("qw", "qx", "qy", "qz", "x_m", "y_m", "z_m")
-_EFFORTS = tuple(
-    f"{name}_effort_{'N' if name in ('telescope', 'prong') else 'N_m'}" for name in ARM_JOINTS
-)
+_EFFORTS = ("stand_effort_N", *(f"{name}_effort_N_m" for name in JOINTS), "gap_effort_N")
 
 
 def write_series(folder: Path, data: RunData, config: RemoteManipulatorConfig) -> None:

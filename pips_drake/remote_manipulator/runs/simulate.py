@@ -14,7 +14,7 @@ from pips_drake.remote_manipulator.runs.figures import (
     joints_figure,
     timeline_figure,
 )
-from pips_drake.remote_manipulator.runs.judgement import judge, summarize
+from pips_drake.remote_manipulator.runs.judgement import judge, judged_frames, summarize
 from pips_drake.remote_manipulator.runs.operators import make_operator
 from pips_drake.remote_manipulator.runs.pictures import write_pictures, write_run_replay
 from pips_drake.remote_manipulator.runs.run import Run, load_setup, make_station, run_station
@@ -112,7 +112,8 @@ def _write_files(
     figures.mkdir()
     write_series(folder, data, config)
     write_events(folder, events)
-    timeline_figure(figures / "timeline.png", data)
+    judged = judged_frames(data, config, scenario.checks)
+    timeline_figure(figures / "timeline.png", data, judged)
     joints_figure(figures / "joints.png", data, config)
     docking_figure(figures / "docking.png", data, config)
     missing = write_pictures(folder, run, config, scenario.video)
