@@ -19,8 +19,8 @@ HEAD = """# Systems and their ports
 
 Written by `python docs/make_ports.py` from the classes' docstrings: edit those. J is the number of
 an arm's joints, A that of its actuators, M that of its modules. Every system works alone in a
-diagram of your own; how the station connects them is in `pips_drake/serpentine/station/`, and a
-run's `diagram.svg` draws it.
+diagram of your own; how a station connects them is in its machine's `station/`, and a run's
+`diagram.svg` draws it.
 """
 
 

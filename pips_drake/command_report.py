@@ -69,6 +69,12 @@ SIMULATE_LINES: tuple[Line, ...] = (
     *_PLAN_LINES,
     *_DRIVE_LINES,
     ("cycle_time_s", "out, dwell and back", 1, "s"),
+    ("palm_error_max_m", "palm to where it was sent, at most", 1e3, "mm"),
+    ("torque_fraction_max", "joint torque, at most", 100, "% of its limit"),
+    ("penetration_max_m", "pressed into each other, at most", 1e3, "mm"),
+    ("inhibits", "motion inhibited, times", 1, ""),
+    ("docking_distance_m", "probe to port when docked", 1e3, "mm"),
+    ("docking_angle_rad", "angle when docked", 57.29577951308232, "deg"),
     ("real_time_rate", "simulated", 1, "times real time"),
 )
 
@@ -82,6 +88,8 @@ def report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False) 
     for key, words, factor, unit in lines:
         if summary.get(key) is not None:
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
+    if "phases" in summary:
+        print(f"  {'phases':<40}{' -> '.join(summary['phases'])}")
     binding = summary.get("motion_binding_limits_s")
     if binding and lines is CHECK_LINES:
         print(f"  {'held back by':<40}{_shares(binding)}")

@@ -24,6 +24,16 @@ def test_the_page_of_ports_is_what_the_docstrings_say():
         assert f"## {system}\n" in page
 
 
+def test_the_diagram_of_the_remote_manipulators_phases_is_the_machines_table():
+    spec = importlib.util.spec_from_file_location("make", DOCS / "make_remote_manipulator.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    page = (DOCS / "remote_manipulator.md").read_text(encoding="utf-8")
+    renew = "run `python docs/make_remote_manipulator.py` and commit what it writes"
+    assert page == module.with_diagram(page), renew
+    assert "stowed --> extraction: acquired" in page
+
+
 def _source_text() -> str:
     """All source with adjacent string literals joined, as the messages read when printed."""
     files = sorted((ROOT / "pips_drake").rglob("*.py"))

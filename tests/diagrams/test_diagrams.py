@@ -30,6 +30,7 @@ def test_every_script_has_a_test():
         "arm_in_your_diagram.py",
         "render_to_file.py",
         "teleoperate.py",
+        "remote_manipulator_station.py",
     }
     assert {file.name for file in DIAGRAMS.glob("*.py")} == tested
 
@@ -53,6 +54,15 @@ def test_the_arm_in_another_diagram_sags_by_its_statics(tmp_path):
     sag = float(re.search(r"hangs ([\d.]+) mm", out).group(1))
     # Statics over stiffness: 17.0 mm at home, 8.2 mm at the path's end; this is near the middle.
     assert 8.0 < sag < 17.5
+
+
+def test_the_remote_manipulators_elbow_follows_its_master_arm(tmp_path):
+    out = _run("remote_manipulator_station.py", "--seconds", "2", cwd=tmp_path)
+    angles = [float(text) for text in re.findall(r"elbow at\s+(-?[\d.]+) deg", out)]
+    assert angles[0] == -98.0
+    # No faster than the joint's 1.78 deg/s; a frame and a control period behind.
+    assert 1.78 * 1.6 < angles[-1] - angles[0] <= 1.78 * 2.0
+    assert out.count("stowed") == 6
 
 
 @pytest.mark.slow
