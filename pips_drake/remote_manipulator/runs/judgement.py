@@ -61,6 +61,7 @@ def summarize(
         "wall_s": run.run_time.wall_s,
         "real_time_rate": run.run_time.real_time_rate,
         "operator_finished": run.finished or not whole,
+        "operator_stopped": run.stopped,
     }
     before, after = data.phase[:-1], data.phase[1:]
     docked = np.flatnonzero((after == Phase.DOCKED_HELD) & (before == Phase.MANOEUVRING))
@@ -96,6 +97,8 @@ def judged_frames(
 def judge(scenario: RemoteManipulatorScenario, summary: dict[str, Any]) -> list[str]:
     """Sentences about what a run did not keep."""
     checks, failures = scenario.checks, []
+    if summary["operator_stopped"]:
+        failures.append(summary["operator_stopped"])
     phases = summary["phases"]
     if checks.phases and phases != checks.phases:
         failures.append(f"phases: {' -> '.join(phases)}; must be {' -> '.join(checks.phases)}")
@@ -130,6 +133,6 @@ def judge(scenario: RemoteManipulatorScenario, summary: dict[str, Any]) -> list[
             f"{-summary['joint_margin_min_rad'] / DEGREE:.2f} deg beyond its hard limit; must be "
             "within"
         )
-    if not summary["operator_finished"]:
+    if not summary["operator_finished"] and not summary["operator_stopped"]:
         failures.append(f"the operator was not done after {summary['simulated_s']:.0f} s")
     return failures

@@ -139,7 +139,7 @@ def write_run_replay(file: Path, run: Run, *, title: str, events: list[Event]) -
     }
     first, *others = models
     marks = [
-        Bookmark(label=event.text, time=event.time)
+        Bookmark(label=event.text.rpartition("-> ")[2].replace("_", " "), time=event.time)
         for event in events
         if event.kind in ("phase", "inhibit")
     ]
@@ -155,5 +155,6 @@ def write_run_replay(file: Path, run: Run, *, title: str, events: list[Event]) -
         target=TARGET,
         title=title,
         sample_rate=2.0,
+        speed=16.0,
         bookmarks=marks[:12],
     )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import LogVectorOutput
 
+from pips_drake.errors import NotFollowableError
 from pips_drake.remote_manipulator.configuration import (
     STATIONS,
     RemoteManipulatorConfig,
@@ -87,6 +89,7 @@ class Run:
         attachments: what the welds did.
         slip_max: farthest that a weld's sides were apart when it was let go, m.
         finished: the operator said that all is done.
+        stopped: why the operator cannot go on; empty if it can.
     """
 
     station: Station
@@ -96,6 +99,7 @@ class Run:
     attachments: list[AttachmentEvent]
     slip_max: float
     finished: bool
+    stopped: str = ""
 
 
 def load_setup(scenario: RemoteManipulatorScenario, *, folder: Path | None = None) -> Setup:
@@ -188,8 +192,13 @@ def run_station(
         mine = station.diagram.GetMyContextFromRoot(root)
         return ends and bool(station.diagram.GetOutputPort("operator.finished").Eval(mine)[0] > 0.5)
 
-    run_time = advance(simulator, duration, label=label, finished=finished)
-    context = simulator.get_context()
+    context, began, stopped = simulator.get_context(), perf_counter(), ""
+    try:
+        run_time = advance(simulator, duration, label=label, finished=finished)
+    except NotFollowableError as error:
+        # What has been recorded shows where.
+        stopped = str(error)
+        run_time = RunTime(simulated_s=context.get_time(), wall_s=perf_counter() - began)
     rows = {port: log.FindLog(context).data().T for port, log in logs.items()}
     time = logs["plant.state"].FindLog(context).sample_times()
     events = list(station.attachments.events)
@@ -202,6 +211,7 @@ def run_station(
         attachments=events,
         slip_max=max(slips),
         finished=finished(context),
+        stopped=stopped,
     )
 
 
