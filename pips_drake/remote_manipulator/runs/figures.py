@@ -112,36 +112,36 @@ def joints_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) ->
     arm = config.arm
     panels = [
         Panel(
-            title=f"{name}: {np.degrees(arm.lower[k]):g} .. {np.degrees(arm.upper[k]):g} deg",
-            y_label="deg",
+            title=f"{name}, deg: {np.degrees(arm.lower[k]):g} .. {np.degrees(arm.upper[k]):g}",
+            y_label="",
             lines=_sent_and_found(data, 1 + k, factor=180.0 / math.pi),
-            y_range=_at_least_a_degree(np.degrees(data.arm[:, 1 + k])),
+            y_range=_not_too_near(np.degrees(data.arm[:, 1 + k])),
         )
         for k, name in enumerate(JOINTS)
     ]
     stand, gap = config.stand, config.effector
     for column, title in (
-        (0, f"stand: {stand.lower_m:g} .. {stand.upper_m:g} m"),
-        (7, f"prong's gap: {gap.prong_closed_gap_m:g} .. {gap.prong_open_gap_m:g} m"),
+        (0, f"stand, m: {stand.lower_m:g} .. {stand.upper_m:g}"),
+        (7, f"prong's gap, m: {gap.prong_closed_gap_m:g} .. {gap.prong_open_gap_m:g}"),
     ):
-        panels.append(Panel(title=title, y_label="m", lines=_sent_and_found(data, column)))
+        panels.append(Panel(title=title, y_label="", lines=_sent_and_found(data, column)))
     shares = 100.0 * data.torque_fractions(config)
     panels.append(
         Panel(
-            title="Largest share of a joint's torque in each second",
-            y_label="% of its limit",
+            title="largest torque in each second, % of its joint's limit",
+            y_label="",
             lines=[_largest(data.time, shares[:, 1:7].max(axis=1))],
             limits=[Limit(value=100.0)],
         )
     )
     panels.append(
         Panel(
-            title="Palm to where it was sent, at most in each second",
-            y_label="mm",
+            title="palm to where it was sent, most in each second, mm",
+            y_label="",
             lines=[_largest(data.time, 1e3 * data.tracking_error(config))],
         )
     )
-    title = "Joints: simulated (blue) and sent (grey)"
+    title = "Joints with their limits: simulated (blue) and sent (grey)"
     figure = time_series_figure(panels, _TIME, title=title, columns=2, panel_height=1.6)
     save_figure(figure, file)
 
@@ -154,10 +154,10 @@ def _sent_and_found(data: RunData, column: int, *, factor: float = 1.0) -> list[
     ]
 
 
-def _at_least_a_degree(values: Array) -> tuple[float | None, float | None]:
+def _not_too_near(values: Array) -> tuple[float | None, float | None]:
     """A range for an axis, so that thousandths of a degree do not look like motion."""
     middle = 0.5 * float(values.min() + values.max())
-    return (middle - 0.5, middle + 0.5) if float(np.ptp(values)) < 0.8 else (None, None)
+    return (middle - 2.5, middle + 2.5) if float(np.ptp(values)) < 4.0 else (None, None)
 
 
 def _largest(time: Array, values: Array, period: float = 1.0) -> Line:
