@@ -182,6 +182,7 @@ class Autopilot:
             longest = max(abs(pan) + abs(tilt), abs(zoom))
             return replace(state, station=STATIONS.index(step.station), duration=longest)
         if step.do == "move_joints":
+            self._check_limits(state, step)
             way = np.abs(np.radians(step.angles_deg) - angles)
             duration = float(np.max(1.875 * way / (RATE_SHARE * self.config.arm.rates)))
             goal = np.radians(step.angles_deg)
@@ -199,6 +200,14 @@ class Autopilot:
             goal=_numbers(_relative(base, self._goal(step, seen, palm))),
         )
         return replace(state, duration=self._way_time(state, step, seen))
+
+    def _check_limits(self, state: AutopilotState, step: ScriptStep) -> None:
+        for joint, angle in zip(self.config.arm.joints, step.angles_deg, strict=True):
+            if not joint.lower_deg <= angle <= joint.upper_deg:
+                raise NotFollowableError(
+                    f"step {state.step + 1} ({step.do}): {joint.name} = {angle:g} deg; must be "
+                    f"{joint.lower_deg:g} .. {joint.upper_deg:g} deg"
+                )
 
     def _base(self, step: ScriptStep, seen: Seen) -> Pose:
         """The frame that a step's way is straight in."""

@@ -91,6 +91,15 @@ def test_what_cannot_be_reached_is_told_with_its_step(config: RemoteManipulatorC
         fly(Autopilot(config, script), start(config))
 
 
+def test_angles_beyond_a_hard_limit_are_told_with_joint_and_step(
+    config: RemoteManipulatorConfig,
+) -> None:
+    script = [ScriptStep(do="move_joints", angles_deg=[0.0, 150.0, -90.0, 0.0, 0.0, 0.0])]
+    message = r"step 1 \(move_joints\): P0 = 150 deg; must be -2 .. 145 deg"
+    with pytest.raises(NotFollowableError, match=message):
+        fly(Autopilot(config, script), start(config))
+
+
 def test_a_close_that_acquires_nothing_ends_after_its_time(
     config: RemoteManipulatorConfig,
 ) -> None:
