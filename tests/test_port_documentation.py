@@ -17,8 +17,14 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 
 import pips_drake
 from pips_drake.planning.live_arm import LiveArm
-from pips_drake.remote_manipulator.configuration import load_configuration
+from pips_drake.remote_manipulator.analog_inputs import angle_scaling
+from pips_drake.remote_manipulator.autopilot import Autopilot
+from pips_drake.remote_manipulator.configuration import RemoteManipulatorConfig, load_configuration
+from pips_drake.remote_manipulator.operator_inputs import OperatorInputs, frames_of
+from pips_drake.remote_manipulator.operator_recording import OperatorRecording
 from pips_drake.remote_manipulator.program import CollisionProgram
+from pips_drake.remote_manipulator.random_operator import RandomOperator
+from pips_drake.remote_manipulator.script import ScriptStep
 from pips_drake.scene.signed_distance import SignedDistanceField
 from pips_drake.serpentine.arm import load_arm
 from pips_drake.serpentine.follow_the_leader import FollowTheLeader
@@ -48,6 +54,13 @@ SYSTEMS = find_systems()
 COUNTS = {"": 1, "J": 18, "A": 16}
 
 
+class Controls:
+    """What a Meshcat's page is to its operator before anything is pressed."""
+
+    def __init__(self, config: RemoteManipulatorConfig) -> None:
+        self.config = config
+
+
 def arguments() -> dict[str, object]:
     """Something to pass for each argument that a system cannot do without, by its name."""
     arm = load_arm("prototype")
@@ -57,25 +70,33 @@ def arguments() -> dict[str, object]:
     motion = JointMotion(times=np.array([0.0, 1.0]), joints=np.tile(arm.joint_home, (2, 1)))
     live_arm = LiveArm(arm, SignedDistanceField.of([]))
     tip = spine_points(arm, arm.joint_home)[0, -1]
+    manipulator = load_configuration()
+    home = OperatorInputs(angles=manipulator.arm.home)
     return {
+        "angles": manipulator.arm.home,
         "arm": arm,
         "bodies": [[1, 2]] * COUNTS["A"],
         "body_index": 1,
         "cae_index": 2,
-        "config": load_configuration(),
+        "config": manipulator,
+        "controls": Controls(manipulator),
         "given": GivenJoints(arm=arm, motion=motion, name="joints"),
         "gravity": [0.0, 0.0, -9.81],
+        "hand": RandomOperator(manipulator, 0),
         "live_arm": live_arm,
         "model": model,
         "orbiter_index": 1,
         "path": load_path("trajectory_4"),
         "payload_index": 3,
         "period": 1.0 / 512.0,
+        "pilot": Autopilot(manipulator, [ScriptStep(do="close")]),
         "plant": plant,
         "points": [[[0.0, 0.0, 0.0]] * 2] * COUNTS["A"],
         "profile": RestToRestProfile.make(travel=1.0, speed=0.1, ramp=1.0),
-        "program": CollisionProgram(load_configuration()),
+        "program": CollisionProgram(manipulator),
+        "recording": OperatorRecording(times=np.zeros(1), frames=frames_of([home])),
         "robot": [model],
+        "scaling": angle_scaling(manipulator.arm),
         "scene_graph": scene_graph,
         "solver": FollowTheLeader(arm),
         "start": live_arm.lay([tip, tip + np.array([0.0, 0.0, 1.0])]),

@@ -14,7 +14,7 @@ FRAME = 0.05
 DAY = 86400.0
 #: What the fields of the same names may say.
 SUPPORTS = ("bay", "port", "none")
-OPERATORS = ("autopilot", "recording", "random", "none")
+OPERATORS = ("autopilot", "recording", "random", "meshcat")
 COLLISIONS = ("exact", "report")
 INHIBITS = ("direction_aware", "literal")
 
@@ -66,8 +66,8 @@ class PayloadStartConfig:
 class OperatorConfig:
     """Who moves the master arm."""
 
-    # autopilot: `script`. recording: the CSV file `recording`. random: seeded by the scenario's
-    # `seed`. none: nobody; `pips simulate --meshcat` lets you.
+    # autopilot: `script`. recording: the CSV file `recording`, such as a run's `operator.csv`.
+    # random: seeded by the scenario's `seed`. meshcat: you, with `pips simulate --meshcat`.
     kind: str = "autopilot"
     recording: str = ""
     script: list[ScriptStep] = field(default_factory=list)

@@ -13,7 +13,7 @@ file. Kinds of file, and where their names come from:
 - ``scene``: ``models/scenes/NAME.dmd.yaml``
 - ``scenario``: ``scenarios/NAME.yaml``
 - ``study``: ``studies/NAME.yaml``
-- ``joint motion``, ``obstacles``: none is shipped
+- ``joint motion``, ``obstacles``, ``operator recording``: none is shipped
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ _PATTERNS = {
     "study": ("studies/*.yaml",),
     "joint motion": (),
     "obstacles": (),
+    "operator recording": (),
 }
 
 

@@ -1,21 +1,17 @@
-"""A seeded operator who means well, or ill, or nothing: goes everywhere the task can go."""
+"""The operator at random in an ideal world, and how deep what it does lets bodies into others."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from pips_drake.remote_manipulator.autopilot import Seen
 from pips_drake.remote_manipulator.bodies import Placement
-from pips_drake.remote_manipulator.kinematics import (
-    forward_kinematics,
-    heading_matrix,
-    nearest_angles,
-    pitch_matrix,
-    roll_matrix,
-)
+from pips_drake.remote_manipulator.kinematics import forward_kinematics
 from pips_drake.remote_manipulator.phases import TABLE
-from pips_drake.remote_manipulator.program_state import ANGLES, FRAME_PERIOD, GAP, HEIGHT, OFFSET
+from pips_drake.remote_manipulator.program_state import ANGLES, FRAME_PERIOD, GAP, HEIGHT
+from pips_drake.remote_manipulator.random_operator import RandomOperator as Hand
 
-from .program_world import CONFIG, DOWN, PALM_TOP, STOWED, World, docked_payload
+from .program_world import CONFIG, World
 
 #: Rates of the arm's joints, the stand, the prong and the orbiter, in a frame.
 ANGLE_STEPS = CONFIG.arm.rates * FRAME_PERIOD
@@ -25,83 +21,20 @@ ORBITER_STEP = CONFIG.orbiter.rate_m_s * FRAME_PERIOD
 
 
 class RandomOperator:
-    """Chooses a goal every few seconds, and switches now and then.
-
-    Goals: over the bar, the bar itself, the held payload up, at the port, in the bay, shaken by
-    some centimetres and degrees, or any angles within and beyond the limits.
-    """
+    """The seeded operator at the desk of a world, whose arm is where it was sent."""
 
     def __init__(self, world: World, seed: int) -> None:
-        self._world, self._rng = world, np.random.default_rng(seed)
-        self._left = 0
-        self._inputs: dict[str, object] = {}
-        self._target = world.state.command[ANGLES]
+        self._world = world
+        self._hand = Hand(CONFIG, seed)
+        self._state = self._hand.first_state(world.state.command[ANGLES])
 
     def inputs(self) -> dict[str, object]:
         """Of this frame, for `World.frame`."""
-        if self._left == 0:
-            self._choose()
-        self._left -= 1
-        rng = self._rng
-        # A hand that is not steady.
-        angles = self._target + rng.normal(0.0, 0.002, 6)
-        initialize = bool(rng.random() < 0.0002)
-        select = str(rng.choice(["full", "mode_1", "mode_2_or_3"])) if initialize else "full"
-        return self._inputs | {
-            "angles": angles,
-            "initialize": initialize,
-            "initialize_select": select,
-        }
-
-    def _choose(self) -> None:
-        rng, state = self._rng, self._world.state
-        self._left = int(rng.integers(20, 400))
-        facts = TABLE[state.phase]
-        prong = int(rng.choice([-1, 0, 1], p=[0.05, 0.45, 0.5]))
-        if not facts.grasped and state.sent[GAP] < 0.4 and rng.random() < 0.5:
-            prong = -1
-        self._inputs = {
-            "telescope": int(rng.integers(-1, 2)),
-            "prong": prong,
-            "shuttle": tuple(int(n) for n in rng.choice([-1, 0, 1], 3, p=[0.05, 0.9, 0.05])),
-            "open_latch": bool(rng.random() < 0.2),
-        }
-        if rng.random() < 0.15:
-            self._target = rng.uniform(CONFIG.arm.lower - 0.1, CONFIG.arm.upper + 0.1)
-            return
-        angles = self._goal(*self._payload_goal(facts.grasped))
-        self._target = state.command[ANGLES] if angles is None else angles
-
-    def _payload_goal(self, grasped: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Where the payload (or, of a free effector, what it takes hold of) is wanted."""
-        rng = self._rng
-        R, p = self._world.payload
-        if not grasped:
-            up = rng.choice([0.0, 0.0, 0.3, 2.0])
-            return R, p - up * R[:, 2]
-        places = (
-            docked_payload()[1] - self._world.state.sent[OFFSET],
-            docked_payload(away=0.5)[1] - self._world.state.sent[OFFSET],
-            STOWED[1],
-            STOWED[1] - [0.0, 0.0, 3.0],
-            STOWED[1] - [0.0, 0.0, 4.6],
-            p + rng.normal(0.0, 0.5, 3),
-            p - [0.0, 0.0, 1.0],
-        )
-        return np.eye(3), places[rng.integers(len(places))]
-
-    def _goal(self, R: np.ndarray, p: np.ndarray) -> np.ndarray | None:
-        """Angles at which a payload at that pose is held, or taken hold of; None: none."""
-        rng = self._rng
-        shake = rng.choice([0.0, 0.0, 1.0, 5.0])
-        turn = rng.normal(0.0, 0.01, 3) * shake
-        place = rng.normal(0.0, 0.01, 3) * shake
-        R = R @ heading_matrix(turn[0]) @ pitch_matrix(turn[1]) @ roll_matrix(turn[2])
-        palm = p + place - PALM_TOP * R[:, 2]
-        state = self._world.state
-        return nearest_angles(
-            CONFIG.arm, palm, R @ DOWN, float(state.command[HEIGHT]), state.command[ANGLES]
-        )
+        world = self._world
+        arm = world.state.sent[: GAP + 1]
+        seen = Seen(phase=world.state.phase, arm=arm, X_RP=world.payload, X_RC=world.cae_now())
+        self._state, inputs = self._hand.advance(self._state, seen)
+        return vars(inputs)
 
 
 def placement(world: World, command: np.ndarray) -> Placement:

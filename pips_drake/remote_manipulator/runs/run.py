@@ -163,6 +163,7 @@ def run_station(
     *,
     duration: float,
     meshcat: Meshcat | None = None,
+    real_time: bool = False,
     label: str = "simulating",
 ) -> Run:
     """Runs a station, which has an operator, and records every frame.
@@ -170,6 +171,7 @@ def run_station(
     Args:
         duration: s; an operator with the output `finished` may end it before.
         meshcat: shows the run while it goes on.
+        real_time: a second takes one at least, as a person needs it who works with the arm.
         label: of the progress bar.
     """
     builder = DiagramBuilder()
@@ -186,6 +188,8 @@ def run_station(
     simulator = Simulator(diagram)
     station.attachments.initialize(simulator.get_mutable_context())
     simulator.set_monitor(station.attachments.monitor)
+    if real_time:
+        simulator.set_target_realtime_rate(1.0)
     ends = station.diagram.HasOutputPort("operator.finished")
 
     def finished(root: Context) -> bool:

@@ -60,11 +60,13 @@ def simulate(
     setup = load_setup(scenario, folder=folder)
     operator = make_operator(scenario, setup, folder=folder, meshcat=meshcat)
     station = make_station(setup, operator.system, camera=scenario.station)
-    duration = scenario.duration_s or operator.duration or DAY
+    duration = scenario.duration_s or DAY
     with output_folder(out, force=force) as partial:
         summary: dict[str, object] = {"scenario": name, "versions": versions()}
         try:
-            run = run_station(station, duration=duration, meshcat=meshcat)
+            run = run_station(
+                station, duration=duration, meshcat=meshcat, real_time=operator.real_time
+            )
         except DivergedError as error:
             failures = [f"the run was given up: {error}"]
         else:

@@ -37,7 +37,8 @@ class Autopilot(LeafSystem):
 
     - `phase`, (1,): number of the `phases.Phase`.
     - `arm_measured`, (8,): height of the shoulder m, six angles rad, gap of the prong m.
-    - `payload_pose`, `cae_pose`, (7,): X_RP and X_RC, quaternion w x y z and position m.
+    - `payload_pose`, (7,): X_RP, quaternion w x y z and position m.
+    - `cae_pose`, (7,): X_RC, the same way.
 
     Output ports, all from state (no feedthrough):
 
