@@ -136,7 +136,10 @@ def _solve(system, size, sides):
 def _first_basis(rows, basis):
     """Rows that are farthest from each other's span, and the last one, which is (0, .., 0, 1)."""
     count, size = rows.shape[0] - 1, rows.shape[1] - 1
-    rest = rows[:count, :size].copy()
+    rest, unit = np.empty((count, size)), np.empty(size)
+    for i in range(count):
+        for j in range(size):
+            rest[i, j] = rows[i, j]
     for k in range(size):
         best, length = 0, -1.0
         for i in range(count):
@@ -147,7 +150,8 @@ def _first_basis(rows, basis):
                 best, length = i, total
         basis[k] = best
         if length > 0.0:
-            unit = rest[best] / math.sqrt(length)
+            for j in range(size):
+                unit[j] = rest[best, j] / math.sqrt(length)
             for i in range(count):
                 along = 0.0
                 for j in range(size):
@@ -190,7 +194,8 @@ def linear_programs(rows, bounds):
                     system[k, j] = a[basis[k], j]
             if not _solve(system, size, side):
                 break
-            x[:] = side[:, 0]
+            for k in range(size):
+                x[k] = side[k, 0]
             entering, worst = -1, 0.0
             for i in range(constraints):
                 excess, largest = -h[i], 1.0
@@ -316,7 +321,8 @@ def shortest_points(rows, bounds):
                             gram[k, i] += a[active[k], j] * a[active[i], j]
                 if not _solve(gram, used, side):
                     break
-                z[:] = 0.0
+                for j in range(size):
+                    z[j] = 0.0
                 for k in range(used):
                     forces[k] = max(side[k, 0], 0.0)
                     for j in range(size):
@@ -329,7 +335,8 @@ def shortest_points(rows, bounds):
                             gram[k, j] = a[active[k], j]
                     if not _solve(gram, size, side):
                         break
-                    z[:] = side[:, 0]
+                    for k in range(size):
+                        z[k] = side[k, 0]
             else:
                 for j in range(size):
                     if not dependent:
@@ -363,11 +370,14 @@ def analytic_centres(null_spaces, lows, highs, starts):
     count, rows, size = null_spaces.shape
     centres = starts.copy()
     hessian, step = np.empty((size, size)), np.empty((size, 1))
+    uphill = np.empty(size)
     for p in range(count):
         N, z = null_spaces[p], centres[p]
         for _ in range(_MOST_NEWTON_STEPS):
-            hessian[:] = 0.0
-            step[:] = 0.0
+            for j in range(size):
+                uphill[j] = 0.0
+                for k in range(size):
+                    hessian[j, k] = 0.0
             for i in range(rows):
                 value = 0.0
                 for j in range(size):
@@ -375,15 +385,16 @@ def analytic_centres(null_spaces, lows, highs, starts):
                 below, above = 1.0 / (value - lows[p, i]), 1.0 / (highs[p, i] - value)
                 curvature = below * below + above * above
                 for j in range(size):
-                    step[j, 0] += (below - above) * N[i, j]
+                    uphill[j] += (below - above) * N[i, j]
                     for k in range(size):
                         hessian[j, k] += curvature * N[i, j] * N[i, k]
-            uphill = step.copy()
+            for j in range(size):
+                step[j, 0] = uphill[j]
             if not _solve(hessian, size, step):
                 break
             square = 0.0
             for j in range(size):
-                square += uphill[j, 0] * step[j, 0]
+                square += uphill[j] * step[j, 0]
             decrement = math.sqrt(max(square, 0.0))
             damping = 1.0 if decrement < 0.25 else 1.0 / (1.0 + decrement)
             for j in range(size):
