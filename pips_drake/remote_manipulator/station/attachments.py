@@ -82,6 +82,7 @@ class AttachmentMonitor:
         # The program's own context is looked up once a run: this is called every step.
         if self._contexts is None or self._contexts[0] is not root_context:
             self._contexts = root_context, self._program.GetMyContextFromRoot(root_context)
+            self._last = ()  # what another context was asked for says nothing of this one
         asked = tuple(self._port.Eval(self._contexts[1]).tolist())
         if asked == self._last:
             return EventStatus.DidNothing()

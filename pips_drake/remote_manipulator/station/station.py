@@ -92,9 +92,10 @@ def MakeRemoteManipulatorStation(
     Input port: `operator.channels` (17,) V, where no operator is given.
 
     Output ports, as `<system>.<port>`: those of `collision_program`, `relative_poses`,
-    `slave_arm`, `clearance_monitor` and `visual_scene_program` that are described there;
-    `operator.channels` and the operator's other outputs; `plant.state`, `plant.arm_state` (16,),
-    `plant.arm_effort` (8,) N and N m, `plant.contact_results`, `scene_graph.query`.
+    `clearance_monitor` (but for `urgent` and `own_urgent`) and `visual_scene_program` that are
+    described there; `slave_arm.arm_desired_state`; `operator.channels` and the operator's other
+    outputs; `plant.state`, `plant.arm_state` (16,), `plant.arm_effort` (8,) N and N m,
+    `plant.contact_results`, `scene_graph.query`.
 
     Latencies: what the operator does in a frame is decided on at its end, 0.05 s; the slave arm is
     there a frame and a control period later.
