@@ -167,6 +167,16 @@ def test_the_least_infinity_norm_is_highss():
         assert found.tensions[pose].max() == pytest.approx(best.fun, rel=1e-9)
 
 
+def test_the_least_infinity_norm_may_be_the_lower_bound_itself():
+    """Opposite cables, no load: all at 5 N."""
+    anchors = np.array([[2.0, 0, 0], [-2, 0, 0], [0, 2, 0], [0, -2, 0]])
+    robot, home = planar_example(anchors=anchors, attachments=anchors / 4), make_poses([[0, 0, 0]])
+    lifted = -total_wrench(robot, home)
+    found = distribute_tensions(robot, home, "least_infinity", wrench=lifted, tension_min=5.0)
+    np.testing.assert_allclose(found.tensions, [[5.0] * 4], rtol=1e-9)
+    assert found.feasible[0]
+
+
 def test_the_closed_form_is_potts_and_fixes_cables_at_their_bounds():
     robot, poses = crossed_box(), some_poses(1500, seed=10)
     found = distribute_tensions(robot, poses, "closed_form", tension_min=LOW, tension_max=HIGH)
@@ -245,10 +255,11 @@ def test_without_an_upper_bound_slack_is_infinite_where_cables_pull_against_each
     assert 0 < np.count_nonzero(np.isinf(found.slack)) < 60
 
 
-def test_a_wrench_adds_to_the_weight():
+@pytest.mark.parametrize("method", ["least_norm", "least_infinity"])
+def test_a_wrench_adds_to_the_weight(method):
     robot, poses = crossed_box(), some_poses(5)
     lifted = -total_wrench(robot, poses)
-    found = distribute_tensions(robot, poses, "least_norm", wrench=lifted)
+    found = distribute_tensions(robot, poses, method, wrench=lifted)
     np.testing.assert_allclose(found.tensions, 0.0, atol=1e-9)
     assert np.all(found.feasible)
 

@@ -172,6 +172,16 @@ def test_directions_are_the_singular_vectors_with_rotations_as_arcs():
     np.testing.assert_array_equal(found.stiffest, found.twists[:, -1])
 
 
+def test_directions_out_of_equilibrium_are_those_of_the_symmetric_part():
+    robot, poses = heavy_box(), some_poses(10, seed=7)
+    K = full_stiffness(robot, poses, np.full((10, 8), 2000.0))
+    found = stiffness_directions(robot, K, 1.0)
+    # t . K t knows the symmetric part alone, and its extremes are the values.
+    along = np.einsum("nki,nij,nkj->nk", found.twists, K, found.twists)
+    np.testing.assert_allclose(along, found.values, rtol=1e-9, atol=1e-6)
+    assert np.abs(K - np.swapaxes(K, 1, 2)).max() > 10.0
+
+
 def test_pretension_can_make_a_pose_unstable_and_the_value_says_so():
     """Radial cables to the platform's far side: it turns about as the tension pulls it.
 
