@@ -21,7 +21,8 @@ Three tests of one thing, each with its own certificate:
 
 A pose is statically stable if tensions T > 0 balance the weight (and another wrench). Kinematic
 stability implies that: add enough of the null vector to any solution, of which there is one because
-the rank is full. Not the other way: a platform below all its anchors hangs like a pendulum.
+the rank is full. Not the other way: a platform below all its anchors can hang like a pendulum. (The
+report says that it does; it does only where it balances: level and off to one side it would tilt.)
 """
 
 from __future__ import annotations
