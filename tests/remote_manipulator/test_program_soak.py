@@ -121,7 +121,8 @@ def test_the_ten_operators_went_through_all_phases_and_events():
     ids=["literal", "slide", "snap", "report"],
 )
 def test_every_option_survives_a_random_operator(settings):
-    found = soak(0, 4000, settings)
+    # Of the seeds, the one that holds the payload in the bay for longest.
+    found = soak(6, 4000, settings)
     assert found.inhibits > 5
     # The report's tests miss whole contacts, and a snapped payload jumps.
     if settings.collision == "exact" and not settings.snap_to_right_angles:
