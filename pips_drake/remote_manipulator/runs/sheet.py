@@ -22,7 +22,16 @@ _PICTURES = (
 def write_run_sheet(
     folder: Path, summary: Mapping[str, Any], failures: Sequence[str], checks: CheckConfig
 ) -> None:
-    """Writes `summary.png` and `summary.html` into a run's folder, from what is there."""
+    """Writes `summary.png` and `summary.html` into a run's folder, from what is there.
+
+    Args:
+        summary: of a run that was given up it has no numbers.
+    """
+    if "phases" not in summary:
+        title = str(summary["scenario"])
+        nothing = Sheet(title=title, passed=False, lead="", failures=failures, rows=[], pictures=[])
+        write_sheet(folder, nothing)
+        return
     pictures = [
         SheetPicture(file=folder / "figures" / name, caption=caption)
         for name, caption in _PICTURES

@@ -83,8 +83,7 @@ def simulate(
         summary |= {"verdict": "fail" if failures else "pass", "failures": failures}
         write_whole(partial / "scenario.yaml", dump_yaml(scenario))
         write_summary(partial / "summary.json", summary)
-        if "phases" in summary:
-            write_run_sheet(partial, summary, failures, scenario.checks)
+        write_run_sheet(partial, summary, failures, scenario.checks)
     return Verdict(failures=tuple(failures), summary=summary, folder=out)
 
 
