@@ -20,6 +20,7 @@ from benchmarks import (
     full_twin,
     planning,
     postures,
+    remote_manipulator,
     report,
     teleoperation,
 )
@@ -31,6 +32,7 @@ BENCHMARKS = {
     "postures": postures.measure,
     "planning": planning.measure,
     "teleoperation": teleoperation.measure,
+    "remote_manipulator": remote_manipulator.measure,
     "command_line": command_line.measure,
 }
 

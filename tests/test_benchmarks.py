@@ -125,6 +125,8 @@ def test_everything_is_measured_and_printed(quick, measured):
         "goal_to_certified",
         "files_to_certified",
         "teleoperation_tick",
+        "collision_program_frame",
+        "docking_task",
         "help_drake",
         "help_nothing",
     ]
@@ -191,6 +193,20 @@ def test_checkers_agree_on_every_posture(measured):
 @pytest.mark.slow
 def test_the_search_finds_what_scikit_image_finds(measured):
     assert measured["search"]["agreement"]["costs apart (m)"] < 1e-9
+
+
+@pytest.mark.slow
+def test_the_collision_program_and_drake_see_the_same(measured):
+    found = measured["collision_program_frame"]["agreement"]
+    assert found["pairs of another sign"] == 0
+    # Ours is at most the distance; Drake's iteration ends at about 1e-6 m.
+    assert found["more than Drake's distance by at most (m)"] < 1e-5
+
+
+@pytest.mark.slow
+def test_the_docking_task_and_its_bare_plant_make_the_same_motion(measured):
+    # A control period at the fastest joint's 2.64 deg/s is 5e-4 rad; twice, for the servo.
+    assert measured["docking_task"]["agreement"]["angles apart at most (rad)"] < 1e-3
 
 
 @pytest.mark.slow
