@@ -87,6 +87,9 @@ def test_the_timeline_of_a_run_without_flags_says_so(drawn):
 def test_joints_stand_with_their_limits_and_what_was_sent(drawn):
     data = docking_run()
     data.arm[:, 5] = np.radians(np.linspace(-20.0, 20.0, len(data.time)))
+    data.arm[:, 4] += 1e-5 * np.linspace(0.0, 1.0, len(data.time))
+    data.arm_efforts[0] = np.nan
+    data.arm_efforts[77, 2] = 0.6 * 1570.0
     figures.joints_figure(NOWHERE, data, CONFIG)
     said = check_layout(drawn[0])
     for words in (
@@ -96,25 +99,14 @@ def test_joints_stand_with_their_limits_and_what_was_sent(drawn):
         "gap, m: 0.24 ..",
     ):
         assert words in said
-    sent, found = drawn[0].axes[4].get_lines()
+    axes = drawn[0].axes
+    sent, found = axes[4].get_lines()
     np.testing.assert_allclose(found.get_ydata(), np.degrees(data.arm[:, 5]))
     np.testing.assert_allclose(sent.get_ydata(), np.degrees(data.setpoint[:, 5]))
-
-
-def test_a_joint_that_rests_is_drawn_even(drawn):
-    data = made_data()
-    data.arm[:, 4] += 1e-5 * np.arange(6)
-    figures.joints_figure(NOWHERE, data, CONFIG)
-    low, high = drawn[0].axes[3].get_ylim()
-    assert high - low >= 4.999  # deg
-
-
-def test_the_largest_of_every_second_is_drawn(drawn):
-    data = docking_run()
-    data.arm_efforts[0] = np.nan
-    data.arm_efforts[77, 2] = 0.6 * 1570.0
-    figures.joints_figure(NOWHERE, data, CONFIG)
-    (line, _) = drawn[0].axes[8].get_lines()
+    low, high = axes[3].get_ylim()
+    assert high - low >= 4.999, "deg: a joint that rests is drawn even"
+    # Of the shares of torque the largest of every second stays, also of one that is a frame long.
+    (line, _) = axes[8].get_lines()
     assert line.get_ydata().max() == pytest.approx(60.0)
     assert len(line.get_ydata()) == 31  # 30 s, and the frame at the end of them
     assert np.all(np.isfinite(line.get_ydata()))
