@@ -118,3 +118,9 @@ def find_events(data: RunData) -> list[Event]:
 
 #: Columns of arm vectors in CSV files.
 ARM_COLUMNS = ("stand_m", *(f"{name}_rad" for name in JOINTS), "gap_m")
+
+
+def millimetres(length: float) -> str:
+    """A length, m, as text, with tenths where it is short."""
+    digits = 0 if abs(length) >= 0.01 else 1
+    return f"{1e3 * length:.{digits}f} mm"

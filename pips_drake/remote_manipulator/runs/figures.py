@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pips_drake.remote_manipulator.configuration import JOINTS, RemoteManipulatorConfig
 from pips_drake.remote_manipulator.phases import PHASES, TABLE, Phase
-from pips_drake.remote_manipulator.runs.data import FLAGS, RunData
+from pips_drake.remote_manipulator.runs.data import FLAGS, RunData, millimetres
 from pips_drake.remote_manipulator.station.station import CLEARANCE_RANGE
 from pips_drake.twin.figures import (
     COLORS,
@@ -90,7 +90,7 @@ def _clearance_panel(data: RunData, judged: NDArray[np.bool_]) -> Panel:
         title=f"Least clearance of arm and payload to everything else, up to {CLEARANCE_RANGE:g} m",
         y_label="clearance (m)",
         lines=lines,
-        y_range=(min(0.0, float(clear.min())) - 0.02, None),
+        y_range=(min(0.0, float(clear.min())) - 0.04, None),
     )
 
 
@@ -103,7 +103,7 @@ def _nearest(data: RunData, judged: NDArray[np.bool_]) -> list[Mark]:
     # Models are called after the machine, bodies after what they are.
     first, second = (name.rpartition("::")[2].replace("_", " ") for name in pair)
     least = float(data.clearance[row])
-    text = f"{1e3 * least:.0f} mm, {first} to {second}"
+    text = f"{millimetres(least)}, {first} to {second}"
     return [Mark(x=float(data.time[row]), y=least, text=text)]
 
 
@@ -115,7 +115,7 @@ def joints_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) ->
             title=f"{name}, deg: {np.degrees(arm.lower[k]):g} .. {np.degrees(arm.upper[k]):g}",
             y_label="",
             lines=_sent_and_found(data, 1 + k, factor=180.0 / math.pi),
-            y_range=_not_too_near(np.degrees(data.arm[:, 1 + k])),
+            y_range=_not_too_near(np.degrees(data.arm[:, 1 + k]), 5.0),
         )
         for k, name in enumerate(JOINTS)
     ]
@@ -124,7 +124,9 @@ def joints_figure(file: Path, data: RunData, config: RemoteManipulatorConfig) ->
         (0, f"stand, m: {stand.lower_m:g} .. {stand.upper_m:g}"),
         (7, f"prong's gap, m: {gap.prong_closed_gap_m:g} .. {gap.prong_open_gap_m:g}"),
     ):
-        panels.append(Panel(title=title, y_label="", lines=_sent_and_found(data, column)))
+        lines = _sent_and_found(data, column)
+        nearest = _not_too_near(data.arm[:, column], 0.1)
+        panels.append(Panel(title=title, y_label="", lines=lines, y_range=nearest))
     shares = 100.0 * data.torque_fractions(config)
     panels.append(
         Panel(
@@ -154,10 +156,11 @@ def _sent_and_found(data: RunData, column: int, *, factor: float = 1.0) -> list[
     ]
 
 
-def _not_too_near(values: Array) -> tuple[float | None, float | None]:
-    """A range for an axis, so that thousandths of a degree do not look like motion."""
+def _not_too_near(values: Array, least: float) -> tuple[float | None, float | None]:
+    """A range for an axis, so that rounding does not look like motion."""
     middle = 0.5 * float(values.min() + values.max())
-    return (middle - 2.5, middle + 2.5) if float(np.ptp(values)) < 4.0 else (None, None)
+    rests = float(np.ptp(values)) < 0.8 * least
+    return (middle - 0.5 * least, middle + 0.5 * least) if rests else (None, None)
 
 
 def _largest(time: Array, values: Array, period: float = 1.0) -> Line:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pips_drake.remote_manipulator.runs.data import millimetres
 from pips_drake.remote_manipulator.scenario import CheckConfig
 from pips_drake.twin.sheet import Sheet, SheetPicture, SheetRow, write_sheet
 from pips_drake.units import DEGREE
@@ -59,7 +60,7 @@ def _rows(summary: Mapping[str, Any], checks: CheckConfig) -> list[SheetRow]:
     rows = [
         SheetRow(
             label="clearance of arm and payload",
-            value=f"{over}{least:.0f} mm",
+            value=f"{over}{millimetres(1e-3 * least)}",
             allowed=f">= {checks.clearance_min_mm:g} mm" if asked else "",
             good=least >= checks.clearance_min_mm if asked else None,
         ),

@@ -215,3 +215,6 @@ def test_the_sheet_shows_what_was_not_kept(tmp_path, blank_figures):
     assert "<li>motion was inhibited 1 times; must be 0 .. 0</li>" in text
     # Where nothing is asked of a number, it is neither good nor bad.
     assert row(label, "40 mm", "", None) in sheet(tmp_path, data)
+    # Half a millimetre of contact is not "-0 mm".
+    pressed = made_data(clearance=np.full(6, -4.6e-4))
+    assert row(label, "-0.5 mm", "", None) in sheet(tmp_path, pressed)
