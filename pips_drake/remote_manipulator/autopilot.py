@@ -45,7 +45,7 @@ RATE_SHARE = 0.85
 #: A way is over when the arm is as near to its end, rad, or after so long, s.
 ARRIVED, PATIENCE = 4e-3, 12.0
 #: Words whose way is straight in {P} while nothing holds the payload, and those that move.
-_BY_PAYLOAD = ("approach", "descend", "retreat")
+_BY_PAYLOAD = ("approach", "descend", "close", "retreat")
 _MOVES = (
     *_BY_PAYLOAD,
     "carry",
@@ -163,7 +163,8 @@ class Autopilot:
         step = self.script[state.step]
         if state.elapsed < 0.0:
             state = self._begun(state, step, seen)
-        if step.do in (*_MOVES, "move_joints"):
+        caught = step.do == "close" and TABLE[seen.phase].grasped
+        if step.do in (*_MOVES, "move_joints") and not caught:
             state = replace(state, angles=self._angles(state, step, seen))
         inputs = self._inputs(state, step)
         state = replace(state, elapsed=state.elapsed + FRAME_PERIOD)
@@ -199,6 +200,8 @@ class Autopilot:
             start=_numbers(_relative(base, palm)),
             goal=_numbers(_relative(base, self._goal(step, seen, palm))),
         )
+        if step.do == "close":
+            return replace(state, duration=self._waiting_time(step, seen))
         return replace(state, duration=self._way_time(state, step, seen))
 
     def _check_limits(self, state: AutopilotState, step: ScriptStep) -> None:
@@ -225,6 +228,8 @@ class Autopilot:
             sign = 1.0 if palm[0][:, 2] @ R_RP[:, 0] >= 0.0 else -1.0
             R_P2 = np.array([[0.0, 0.0, sign], [0.0, -sign, 0.0], [1.0, 0.0, 0.0]])
             return R_RP @ R_P2, R_RP @ (self._grasp - [0.0, 0.0, height]) + p_RP
+        if step.do == "close":
+            return palm  # stays with a payload that drifts
         if step.do == "retreat":
             return palm[0], palm[1] - step.height_m * palm[0][:, 0]
         if step.do == "carry":

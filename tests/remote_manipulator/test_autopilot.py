@@ -85,6 +85,18 @@ def test_an_approach_ends_above_the_bar_across_it_though_it_drifts(
     np.testing.assert_allclose(np.abs(pose.R_R2[:, 2]), [1.0, 0.0, 0.0], atol=1e-6)
 
 
+def test_while_it_closes_the_palm_stays_with_a_payload_that_drifts(
+    config: RemoteManipulatorConfig,
+) -> None:
+    pilot = Autopilot(config, [ScriptStep(do="close", seconds=5.0)])
+    angles, _, seen = fly(pilot, start(config), drift=0.01)
+    first, last = (forward_kinematics(config.arm, q, 4.0).palm for q in (angles[0], angles[-1]))
+    drifted = seen.X_RP[1] - start(config).X_RP[1]
+    assert np.linalg.norm(drifted) > 0.04
+    # Two frames' drift are not yet seen.
+    np.testing.assert_allclose(last - first, drifted, atol=2.0 * 0.01 * FRAME + 1e-6)
+
+
 def test_what_cannot_be_reached_is_told_with_its_step(config: RemoteManipulatorConfig) -> None:
     script = [ScriptStep(do="wait", seconds=0.1), ScriptStep(do="carry", by_m=[40.0, 0.0, 0.0])]
     with pytest.raises(NotFollowableError, match=r"step 2 \(carry\)"):

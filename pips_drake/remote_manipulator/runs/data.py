@@ -84,11 +84,17 @@ class RunData:
         return int(raised[0]) + int(np.sum(raised[1:] & ~raised[:-1]))
 
     def tracking_error(self, config: RemoteManipulatorConfig) -> Array:
-        """How far the palm is from where the slave arm was sent a frame before, (N,) m."""
+        """How far the palm is from where the slave arm was sent a frame before, (N,) m.
+
+        Where all has just been put back to the beginning, it was sent somewhere else: 0.
+        """
         sent = np.vstack([self.setpoint[:1], self.setpoint[:-1]])
         wanted = forward_kinematics(config.arm, sent[:, 1:7], sent[:, 0])
         found = forward_kinematics(config.arm, self.arm[:, 1:7], self.arm[:, 0])
-        return np.asarray(np.linalg.norm(found.palm - wanted.palm, axis=1))
+        error = np.asarray(np.linalg.norm(found.palm - wanted.palm, axis=1))
+        reset = np.flatnonzero(np.diff(self.display["resets"])) + 1
+        error[reset] = error[np.minimum(reset + 1, len(error) - 1)] = 0.0
+        return error
 
     def torque_fractions(self, config: RemoteManipulatorConfig) -> Array:
         """Shares of their limits that the drives used, (N, 8)."""

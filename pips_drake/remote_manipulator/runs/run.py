@@ -16,7 +16,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import LogVectorOutput
 
-from pips_drake.errors import NotFollowableError
+from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.remote_manipulator.configuration import (
     STATIONS,
     RemoteManipulatorConfig,
@@ -41,6 +41,8 @@ Array = NDArray[np.float64]
 
 #: Between two pictures of a running station, s: a multiple of its frame.
 VISUAL_PERIOD = 2.0 * FRAME_PERIOD
+#: A run may not begin with bodies deeper in each other than this, m.
+DEEPEST_AT_FIRST = 1e-3
 #: Ports that a run records, by what `RunData` makes of them.
 _LOGGED = (
     "collision_program.setpoint",
@@ -187,6 +189,7 @@ def run_station(
     diagram.set_name("remote_manipulator_run")
     simulator = Simulator(diagram)
     station.attachments.initialize(simulator.get_mutable_context())
+    _check_start(station, simulator.get_context())
     simulator.set_monitor(station.attachments.monitor)
     if real_time:
         simulator.set_target_realtime_rate(1.0)
@@ -216,6 +219,30 @@ def run_station(
         slip_max=max(slips),
         finished=finished(context),
         stopped=stopped,
+    )
+
+
+def _check_start(station: Station, root: Context) -> None:
+    """Refuses a run that begins with bodies in each other: contact would throw them apart.
+
+    Raises:
+        InputError: names the two that are deepest in each other.
+    """
+    query = station.diagram.GetOutputPort("scene_graph.query").Eval(
+        station.diagram.GetMyContextFromRoot(root)
+    )
+    pairs = query.ComputePointPairPenetration()
+    deepest = max(pairs, key=lambda pair: pair.depth, default=None)
+    if deepest is None or deepest.depth <= DEEPEST_AT_FIRST:
+        return
+    inspector, plant = query.inspector(), station.machine.plant
+    names = [
+        plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).name()
+        for geometry in (deepest.id_A, deepest.id_B)
+    ]
+    raise InputError(
+        f"at first {names[0]} and {names[1]} are {deepest.depth:.3g} m in each other; must be "
+        "apart: give angles_deg, stand_height_m or payload.position_m"
     )
 
 
