@@ -133,7 +133,7 @@ OPTIONS = {
     "check trajectory_4 --corner_deviation_in -1": "corner_deviation_in = -1.0; must be >= 0",
     "check trajectory_4 --corner_deviation_in nan": "corner_deviation_in = nan; must be a finite",
     "check trajectory_4 --corner_deviation_in 1e300": "= 1e+300; must be within +-1e+12",
-    "simulate nothing": "unknown scenario 'nothing'; known: blocked_goal",
+    "simulate nothing": "unknown scenario 'nothing'; known: berth_payload",
     "simulate trajectory_4 --set motion.dwell_s": "must be KEY=VALUE, such as motion.dwell_s=2",
     "simulate trajectory_4 --set =2": "must be KEY=VALUE",
     "simulate trajectory_4 --set nothing=2": "unknown key 'nothing'; known: ",
