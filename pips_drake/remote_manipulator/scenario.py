@@ -60,6 +60,12 @@ class PayloadStartConfig:
         if self.support != "none":
             still = not any(self.velocity_m_s) and not any(self.spin_deg_s)
             require(still, "payload: velocity and spin", "not zero", "zero unless support is none")
+            placed = bool(self.position_m) or any(self.rpy_deg) or self.limit_cycle.enabled
+            name, allowed = (
+                "payload: position, rpy or limit cycle",
+                "left out unless support is none",
+            )
+            require(not placed, name, "given", allowed)
 
 
 @dataclass

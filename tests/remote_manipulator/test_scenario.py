@@ -97,6 +97,10 @@ BAD: dict[str, tuple[dict[str, str], str]] = {
         {"payload.velocity_m_s": "[1, 0, 0]"},
         "velocity and spin = not zero; must be zero unless support is none",
     ),
+    "a held payload somewhere else": (
+        {"payload.position_m": "[1, 2, 3]"},
+        "position, rpy or limit cycle = given; must be left out unless support is none",
+    ),
     "a flat place": ({"payload.position_m": "[1, 2]"}, "payload.position_m = [1.0, 2.0]; must be"),
     "no such operator": ({"operator.kind": "cat"}, "operator.kind = cat; must be autopilot or"),
     "no script": ({"operator.script": "[]"}, "operator.script = 0 steps; must be some if"),
