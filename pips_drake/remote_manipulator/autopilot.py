@@ -57,6 +57,8 @@ _MOVES = (
 #: How long is waited for what has no time of its own, s.
 _TIMES = {"close": 20.0, "dock": 20.0, "undock": 5.0}
 _SHORT_OF_PORT = 0.02
+# A turn of less is none, rad: most ways keep their orientation.
+_NO_TURN = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -393,10 +395,11 @@ def _numbers(pose: Pose) -> Array:
 
 def _between(start: Array, goal: Array, share: float) -> Pose:
     """Rotation and position after a share of the way."""
-    first, last = Rotation.from_rotvec(start[:3]), Rotation.from_rotvec(goal[:3])
-    turn = (first.inv() * last).as_rotvec()
-    R = (first * Rotation.from_rotvec(share * turn)).as_matrix()
-    return R, start[3:] + share * (goal[3:] - start[3:])
+    rotation = Rotation.from_rotvec(start[:3])
+    if np.max(np.abs(goal[:3] - start[:3])) > _NO_TURN:
+        turn = (rotation.inv() * Rotation.from_rotvec(goal[:3])).as_rotvec()
+        rotation = rotation * Rotation.from_rotvec(share * turn)
+    return rotation.as_matrix(), start[3:] + share * (goal[3:] - start[3:])
 
 
 def _extent(start: Array, goal: Array) -> tuple[float, float]:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.errors import InputError
+from pips_drake.remote_manipulator import kinematics_kernels as kernels
 from pips_drake.remote_manipulator.configuration import JOINTS, ArmConfig
 
 Array = NDArray[np.float64]
@@ -82,16 +83,24 @@ class ArmPose:
 def forward_kinematics(arm: ArmConfig, angles: ArrayLike, stand_height: ArrayLike) -> ArmPose:
     """Where the arm is at angles (..., 6) rad and shoulder heights (...) m."""
     q = _angles(angles)
-    height = np.broadcast_to(np.asarray(stand_height, dtype=np.float64), q.shape[:-1])
-    R_R0 = heading_matrix(q[..., 0]) @ pitch_matrix(q[..., 1])
-    R_R1 = R_R0 @ pitch_matrix(q[..., 2])
-    R_R2 = R_R1 @ heading_matrix(q[..., 3]) @ pitch_matrix(q[..., 4]) @ roll_matrix(q[..., 5])
-    shoulder = np.stack([np.zeros_like(height), np.zeros_like(height), -height], axis=-1)
-    elbow = shoulder + arm.arm_0_m * R_R0[..., 0]
-    wrist = elbow + arm.arm_1_m * R_R1[..., 0]
-    palm = wrist + arm.arm_2_m * R_R2[..., 0]
+    leading = q.shape[:-1]
+    height = np.broadcast_to(np.asarray(stand_height, dtype=np.float64), leading)
+    points, R = kernels.forward(
+        np.ascontiguousarray(q).reshape(-1, len(JOINTS)),
+        np.ascontiguousarray(height).reshape(-1),
+        arm.arm_0_m,
+        arm.arm_1_m,
+        arm.arm_2_m,
+    )
+    points, R = points.reshape(*leading, 4, 3), R.reshape(*leading, 3, 3, 3)
     return ArmPose(
-        shoulder=shoulder, elbow=elbow, wrist=wrist, palm=palm, R_R0=R_R0, R_R1=R_R1, R_R2=R_R2
+        shoulder=points[..., 0, :],
+        elbow=points[..., 1, :],
+        wrist=points[..., 2, :],
+        palm=points[..., 3, :],
+        R_R0=R[..., 0, :, :],
+        R_R1=R[..., 1, :, :],
+        R_R2=R[..., 2, :, :],
     )
 
 
@@ -135,34 +144,21 @@ def inverse_kinematics(
         stand_height: (...) m.
         branch: one of `BRANCHES`. Limits are not looked at.
     """
-    R_R2 = np.asarray(R_R2, dtype=np.float64)
-    height = np.asarray(stand_height, dtype=np.float64)
-    wrist = np.asarray(palm, dtype=np.float64) - arm.arm_2_m * R_R2[..., 0]
-    backwards, below, flipped = branch
-    sign = -1.0 if backwards else 1.0
-    heading = np.arctan2(sign * wrist[..., 1], sign * wrist[..., 0])
-    along, up = sign * np.hypot(wrist[..., 0], wrist[..., 1]), -wrist[..., 2] - height
-    a, b = arm.arm_0_m, arm.arm_1_m
-    cosine = (along**2 + up**2 - a**2 - b**2) / (2.0 * a * b)
-    with np.errstate(invalid="ignore"):
-        elbow = np.arccos(np.where(np.abs(cosine) <= 1.0, cosine, np.nan))
-    elbow = elbow if below else -elbow
-    if backwards:  # seen from behind, up and down change sides
-        elbow = -elbow
-    shoulder = np.arctan2(up, along) - np.arctan2(b * np.sin(elbow), a + b * np.cos(elbow))
-    R_R1 = heading_matrix(heading) @ pitch_matrix(shoulder + elbow)
-    R_12 = np.swapaxes(R_R1, -1, -2) @ R_R2
-    wrist_pitch = np.arcsin(np.clip(-R_12[..., 2, 0], -1.0, 1.0))
-    wrist_heading = np.arctan2(R_12[..., 1, 0], R_12[..., 0, 0])
-    roll = np.arctan2(R_12[..., 2, 1], R_12[..., 2, 2])
-    if flipped:
-        wrist_heading, wrist_pitch, roll = (
-            wrist_heading + math.pi,
-            math.pi - wrist_pitch,
-            roll + math.pi,
-        )
-    angles = np.stack([heading, shoulder, elbow, wrist_heading, wrist_pitch, roll], axis=-1)
-    return (angles + math.pi) % (2.0 * math.pi) - math.pi
+    points = np.asarray(palm, dtype=np.float64)
+    leading = points.shape[:-1]
+    rotations = np.broadcast_to(np.asarray(R_R2, dtype=np.float64), (*leading, 3, 3))
+    height = np.broadcast_to(np.asarray(stand_height, dtype=np.float64), leading)
+    angles = kernels.inverse(
+        np.ascontiguousarray(points).reshape(-1, 3),
+        np.ascontiguousarray(rotations).reshape(-1, 3, 3),
+        np.ascontiguousarray(height).reshape(-1),
+        arm.arm_0_m,
+        arm.arm_1_m,
+        arm.arm_2_m,
+        *branch,
+    )
+    result: Array = angles.reshape(*leading, len(JOINTS))
+    return result
 
 
 def nearest_angles(
