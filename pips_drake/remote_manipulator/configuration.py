@@ -27,7 +27,7 @@ STATION_FRAMES = ("R", "0", "1", "P", "C")
 #: RMS-71: the payload is at most 60 ft long and 15 ft in diameter.
 LONGEST_PAYLOAD = 60.0 * FOOT
 WIDEST_PAYLOAD = 15.0 * FOOT
-#: What the flight arm handles: 65,000 lb to space, 32,000 lb back, kg.
+#: What the Shuttle takes up, and its arm could deploy: 65,000 lb, kg.
 HEAVIEST_PAYLOAD = 29484.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 from typing import Any
 
@@ -163,12 +164,12 @@ def test_a_bad_scenario_is_refused_with_its_field(tmp_path, case):
 
 def test_what_the_machine_cannot_be_is_refused_before_anything_is_built(tmp_path):
     for field, value, words in (
-        ("payload_mass_kg", 1e6, "PayloadConfig.mass_kg = 1000000.0 kg; must be 0 .. 29484 kg"),
+        ("payload_mass_kg", 1e6, "payload_mass_kg = 1e+06 kg; must be 0 .. 29484 kg"),
         ("manipulator", "nowhere", "unknown manipulator 'nowhere'"),
     ):
         scenario = load(tmp_path, LITTLE)
         setattr(scenario, field, value)
-        with pytest.raises(InputError, match=words.replace(".", r"\.")):
+        with pytest.raises(InputError, match=re.escape(words)):
             load_setup(scenario)
 
 

@@ -16,8 +16,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import LogVectorOutput
 
+from pips_drake.config import require
 from pips_drake.errors import InputError, NotFollowableError
 from pips_drake.remote_manipulator.configuration import (
+    HEAVIEST_PAYLOAD,
     STATIONS,
     RemoteManipulatorConfig,
     load_configuration,
@@ -115,8 +117,10 @@ def load_setup(scenario: RemoteManipulatorScenario, *, folder: Path | None = Non
     """
     config = load_configuration(scenario.manipulator, inside=folder)
     if scenario.payload_mass_kg > 0.0:
-        config.payload.mass_kg = scenario.payload_mass_kg
-        config.payload.validate()
+        mass = scenario.payload_mass_kg
+        allowed = f"0 .. {HEAVIEST_PAYLOAD:g} kg"
+        require(mass <= HEAVIEST_PAYLOAD, "payload_mass_kg", f"{mass:g} kg", allowed)
+        config.payload.mass_kg = mass
     check_cameras(config)
     payload, start = scenario.payload, home_arm_vector(config)
     if scenario.stand_height_m > 0.0:

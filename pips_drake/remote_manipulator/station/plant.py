@@ -318,8 +318,10 @@ def _check(config: RemoteManipulatorConfig, settings: PlantSettings) -> None:
     upper = [stand.upper_m, *config.arm.upper, effector.prong_open_gap_m]
     for name, value, low, high in zip(ARM_JOINTS, vector, lower, upper, strict=True):
         if not low - 1e-9 <= value <= high + 1e-9:
-            unit = "rad" if name in JOINTS else "m"
-            raise InputError(f"arm: {name} = {value:g} {unit}; must be {low:g} .. {high:g} {unit}")
+            # Scenarios give angles in degrees.
+            scale, unit = (math.degrees(1.0), "deg") if name in JOINTS else (1.0, "m")
+            shown = f"{value * scale:g} {unit}; must be {low * scale:g} .. {high * scale:g} {unit}"
+            raise InputError(f"arm: {name} = {shown}")
 
 
 def _carry_orbiter(
