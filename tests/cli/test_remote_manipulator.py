@@ -66,7 +66,7 @@ OPTIONS = {
     "simulate dock_payload --set operator.kind=cat": "operator.kind = cat; must be autopilot or",
     "simulate dock_payload --set operator.kind=meshcat": "operator.script = 17 steps; must be some",
     "simulate dock_payload --set manipulator=rms_72": "unknown manipulator 'rms_72'",
-    "simulate dock_payload --set payload_mass_kg=1e6": "payload_mass_kg = 1e+06 kg; must be 0 .. 29484",
+    "simulate dock_payload --set payload_mass_kg=1e6": "payload_mass_kg = 1e+06 kg; must be 0 ..",
     "simulate dock_payload --set payload_mass_kg=nan": "payload_mass_kg = nan; must be a finite",
     "simulate dock_payload --set station=Z": "station = Z; must be of A, B, C",
     "simulate dock_payload --set stand_height_m=9": "arm: height = 9 m; must be 2 .. 4 m",
