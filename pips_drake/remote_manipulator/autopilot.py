@@ -3,10 +3,8 @@
 It sees what an operator sees (the phase, the arm, payload and CAE) and moves what an operator moves
 (the master arm's angles and the switches), so that the collision program treats it like one.
 
-A way goes straight from where the palm is to where it is to be, with s = 10 t^3 - 15 t^4 + 6 t^5 of
-it behind after a share t of the time: its largest speed is 1.875 L / T and its largest acceleration
-5.774 L / T^2. Towards a payload that nothing holds, the way is straight in the payload's frame, so
-that it follows one that moves.
+A way goes straight from where the palm is to where it is to be (`straight_way`). Towards a payload
+that nothing holds, it is straight in the payload's frame, so that it follows one that moves.
 """
 
 from __future__ import annotations
@@ -28,24 +26,27 @@ from pips_drake.remote_manipulator.operator_inputs import OperatorInputs
 from pips_drake.remote_manipulator.phases import TABLE, Phase
 from pips_drake.remote_manipulator.program_state import FRAME_PERIOD
 from pips_drake.remote_manipulator.script import ScriptStep
+from pips_drake.remote_manipulator.straight_way import (
+    PEAK_RATE,
+    SHORTEST,
+    least_duration,
+    pose_between,
+    pose_numbers,
+    progress,
+    relative,
+)
 from pips_drake.units import FOOT
 
 Array = NDArray[np.float64]
 Pose = tuple[Array, Array]
 
-#: Largest speeds, m/s, and accelerations, m/s^2, of the palm, free and with a payload: what the
-#: flight arm is allowed with its heavier payloads, and what its torques can do with 10 t (assumed).
-FREE_SPEED, HELD_SPEED = 0.15, 0.06
-FREE_ACCELERATION, HELD_ACCELERATION = 0.02, 0.004
-#: The same of turning, rad/s and rad/s^2.
-FREE_SPIN, HELD_SPIN = 0.03, 0.006
-FREE_SPIN_ACCELERATION, HELD_SPIN_ACCELERATION = 0.006, 0.0004
 #: Share of a joint's rate that a way may need.
 RATE_SHARE = 0.85
 #: A way is over when the arm is as near to its end, rad, or after so long, s.
 ARRIVED, PATIENCE = 4e-3, 12.0
 #: Words whose way is straight in {P} while nothing holds the payload, and those that move.
-_BY_PAYLOAD = ("approach", "descend", "close", "retreat")
+_TOWARDS_PAYLOAD = ("approach", "descend", "close")
+_BY_PAYLOAD = (*_TOWARDS_PAYLOAD, "retreat")
 _MOVES = (
     *_BY_PAYLOAD,
     "carry",
@@ -55,10 +56,9 @@ _MOVES = (
     "berth",
 )
 #: How long is waited for what has no time of its own, s.
-_TIMES = {"close": 20.0, "dock": 20.0, "undock": 5.0}
+_TIMES = {"close": 20.0, "undock": 5.0}
+#: How far before the port a docking way ends, m: inside the tolerance, outside the CAE.
 _SHORT_OF_PORT = 0.02
-# A turn of less is none, rad: most ways keep their orientation.
-_NO_TURN = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,8 +165,7 @@ class Autopilot:
         step = self.script[state.step]
         if state.elapsed < 0.0:
             state = self._begun(state, step, seen)
-        caught = step.do == "close" and TABLE[seen.phase].grasped
-        if step.do in (*_MOVES, "move_joints") and not caught:
+        if step.do in (*_MOVES, "move_joints") and not _caught(step, seen):
             state = replace(state, angles=self._angles(state, step, seen))
         inputs = self._inputs(state, step)
         state = replace(state, elapsed=state.elapsed + FRAME_PERIOD)
@@ -187,9 +186,9 @@ class Autopilot:
         if step.do == "move_joints":
             self._check_limits(state, step)
             way = np.abs(np.radians(step.angles_deg) - angles)
-            duration = float(np.max(1.875 * way / (RATE_SHARE * self.config.arm.rates)))
+            duration = float(np.max(PEAK_RATE * way / (RATE_SHARE * self.config.arm.rates)))
             goal = np.radians(step.angles_deg)
-            return replace(state, start=angles, goal=goal, duration=max(duration, 1.0))
+            return replace(state, start=angles, goal=goal, duration=max(duration, SHORTEST))
         if step.do not in _MOVES:
             # Where the stand is at first says which way it is to go.
             start = np.full(6, float(seen.arm[0]))
@@ -199,8 +198,8 @@ class Autopilot:
         palm = pose.R_R2, pose.palm
         state = replace(
             state,
-            start=_numbers(_relative(base, palm)),
-            goal=_numbers(_relative(base, self._goal(step, seen, palm))),
+            start=pose_numbers(relative(base, palm)),
+            goal=pose_numbers(relative(base, self._goal(step, seen, palm))),
         )
         if step.do == "close":
             return replace(state, duration=self._waiting_time(step, seen))
@@ -253,37 +252,25 @@ class Autopilot:
     def _palm_of(self, X_RP: Pose, seen: Seen) -> Pose:
         """Where the palm must be for a held payload to be at X_RP."""
         held = forward_kinematics(self.config.arm, seen.arm[1:7], float(seen.arm[0]))
-        R, p = _relative(seen.X_RP, (held.R_R2, held.palm))
+        R, p = relative(seen.X_RP, (held.R_R2, held.palm))
         return X_RP[0] @ R, X_RP[0] @ p + X_RP[1]
 
     def _way_time(self, state: AutopilotState, step: ScriptStep, seen: Seen) -> float:
         """How long the way takes: within speeds, accelerations and the joints' rates, s."""
         held = TABLE[seen.phase].grasped
-        length, turn = _extent(state.start, state.goal)
-        speed = step.speed_m_s or (HELD_SPEED if held else FREE_SPEED)
-        acceleration = HELD_ACCELERATION if held else FREE_ACCELERATION
-        spin, spin_acceleration = (
-            (HELD_SPIN, HELD_SPIN_ACCELERATION) if held else (FREE_SPIN, FREE_SPIN_ACCELERATION)
-        )
-        duration = max(
-            1.875 * length / speed,
-            math.sqrt(5.774 * length / acceleration),
-            1.875 * turn / spin,
-            math.sqrt(5.774 * turn / spin_acceleration),
-            1.0,
-        )
+        duration = least_duration(state.start, state.goal, held=held, speed=step.speed_m_s)
         # The joints' rates along the way, by differences.
         shares = np.linspace(0.0, 1.0, 41)
         angles, samples = state.angles, []
         for share in shares:
-            angles = self._angles_at(state, step, seen, _progress(share), near=angles)
+            angles = self._angles_at(state, step, seen, progress(share), near=angles)
             samples.append(angles)
         rates = np.abs(np.diff(samples, axis=0)) / np.diff(shares)[:, None]
         needed = np.max(rates / (RATE_SHARE * self.config.arm.rates))
         return max(duration, float(needed))
 
     def _angles(self, state: AutopilotState, step: ScriptStep, seen: Seen) -> Array:
-        share = _progress(min(1.0, (state.elapsed + FRAME_PERIOD) / state.duration))
+        share = progress(min(1.0, (state.elapsed + FRAME_PERIOD) / state.duration))
         if step.do == "move_joints":
             way: Array = state.start + share * (state.goal - state.start)
             return way
@@ -293,7 +280,7 @@ class Autopilot:
         self, state: AutopilotState, step: ScriptStep, seen: Seen, share: float, *, near: Array
     ) -> Array:
         base = self._base(step, seen)
-        R, p = _between(state.start, state.goal, share)
+        R, p = pose_between(state.start, state.goal, share)
         palm, R_R2 = base[0] @ p + base[1], base[0] @ R
         angles = nearest_angles(self.config.arm, palm, R_R2, float(seen.arm[0]), near)
         if angles is None:
@@ -319,8 +306,10 @@ class Autopilot:
     def _done(self, state: AutopilotState, step: ScriptStep, seen: Seen) -> bool:
         facts = TABLE[seen.phase]
         over = state.elapsed >= state.duration - 1e-9
+        if _caught(step, seen):
+            return True
         if step.do == "close":
-            return facts.grasped or over
+            return over
         if step.do == "undock":
             return facts.support != "port" or over
         if step.do == "dock" and seen.phase is Phase.DOCKED_HELD:
@@ -378,31 +367,6 @@ def _way(value: float) -> int:
     return int(math.copysign(1.0, value)) if value else 0
 
 
-def _progress(share: float) -> float:
-    """How much of a way is behind after a share of its time."""
-    return share**3 * (10.0 + share * (-15.0 + 6.0 * share))
-
-
-def _relative(base: Pose, pose: Pose) -> Pose:
-    """A pose seen from a base."""
-    R = base[0].T
-    return R @ pose[0], R @ (pose[1] - base[1])
-
-
-def _numbers(pose: Pose) -> Array:
-    return np.concatenate([Rotation.from_matrix(pose[0]).as_rotvec(), pose[1]])
-
-
-def _between(start: Array, goal: Array, share: float) -> Pose:
-    """Rotation and position after a share of the way."""
-    rotation = Rotation.from_rotvec(start[:3])
-    if np.max(np.abs(goal[:3] - start[:3])) > _NO_TURN:
-        turn = (rotation.inv() * Rotation.from_rotvec(goal[:3])).as_rotvec()
-        rotation = rotation * Rotation.from_rotvec(share * turn)
-    return rotation.as_matrix(), start[3:] + share * (goal[3:] - start[3:])
-
-
-def _extent(start: Array, goal: Array) -> tuple[float, float]:
-    """Length, m, and angle, rad, of a way."""
-    first, last = Rotation.from_rotvec(start[:3]), Rotation.from_rotvec(goal[:3])
-    return float(np.linalg.norm(goal[3:] - start[3:])), float((first.inv() * last).magnitude())
+def _caught(step: ScriptStep, seen: Seen) -> bool:
+    """The payload that a step goes for is held: its way, in the payload's frame, is over."""
+    return step.do in _TOWARDS_PAYLOAD and TABLE[seen.phase].grasped

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pips_drake.remote_manipulator.analog_inputs import angle_scaling
-from pips_drake.remote_manipulator.autopilot import FREE_SPEED, HELD_SPEED
 from pips_drake.remote_manipulator.configuration import JOINTS, STATIONS, RemoteManipulatorConfig
 from pips_drake.remote_manipulator.kinematics import forward_kinematics, nearest_angles
 from pips_drake.remote_manipulator.operator_inputs import OperatorInputs
 from pips_drake.remote_manipulator.program_state import ANGLES, FRAME_PERIOD, HEIGHT
+from pips_drake.remote_manipulator.straight_way import FREE_SPEED, HELD_SPEED
 
 if TYPE_CHECKING:
     from pydrake.geometry import Meshcat

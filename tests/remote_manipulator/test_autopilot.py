@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pips_drake.errors import NotFollowableError
-from pips_drake.remote_manipulator import autopilot
+from pips_drake.remote_manipulator import straight_way
 from pips_drake.remote_manipulator.autopilot import Autopilot, AutopilotState, Seen
 from pips_drake.remote_manipulator.configuration import RemoteManipulatorConfig, load_configuration
 from pips_drake.remote_manipulator.geometry import payload_parts
@@ -63,10 +63,10 @@ def test_a_way_is_straight_and_within_speed_acceleration_and_rates(
     assert np.linalg.norm(np.cross(way - way[0], by / np.linalg.norm(by)), axis=1).max() < 1e-7
     speed = np.diff(way, axis=0) / FRAME
     # Differences of a smooth way are means of it, so never above its largest.
-    assert np.linalg.norm(speed, axis=1).max() <= autopilot.FREE_SPEED + 1e-6
+    assert np.linalg.norm(speed, axis=1).max() <= straight_way.FREE_SPEED + 1e-6
     acceleration = np.linalg.norm(np.diff(speed, axis=0) / FRAME, axis=1)
     # 5.774 is rounded to 4 figures.
-    assert acceleration.max() <= autopilot.FREE_ACCELERATION * 1.001
+    assert acceleration.max() <= straight_way.FREE_ACCELERATION * 1.001
     assert np.all(np.abs(np.diff(angles, axis=0)) <= np.array(config.arm.rates) * FRAME)
 
 
@@ -95,6 +95,20 @@ def test_while_it_closes_the_palm_stays_with_a_payload_that_drifts(
     assert np.linalg.norm(drifted) > 0.04
     # Two frames' drift are not yet seen.
     np.testing.assert_allclose(last - first, drifted, atol=2.0 * 0.01 * FRAME + 1e-6)
+
+
+def test_a_descent_that_catches_the_payload_is_over_and_the_arm_stays_where_it_was(
+    config: RemoteManipulatorConfig,
+) -> None:
+    pilot = Autopilot(config, [ScriptStep(do="descend"), ScriptStep(do="wait", seconds=0.1)])
+    free = start(config)
+    state = pilot.first_state(HOME)
+    for _ in range(40):
+        state, _ = pilot.advance(state, free)
+    # The way is in the payload's frame: read in {R} it would lie metres elsewhere.
+    after, inputs = pilot.advance(state, replace(free, phase=Phase.EXTRACTION))
+    assert after.step == 1
+    np.testing.assert_array_equal(inputs.angles, state.angles)
 
 
 def test_what_cannot_be_reached_is_told_with_its_step(config: RemoteManipulatorConfig) -> None:

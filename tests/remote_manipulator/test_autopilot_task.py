@@ -7,18 +7,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from pips_drake.remote_manipulator.autopilot import (
-    FREE_ACCELERATION,
-    FREE_SPEED,
-    HELD_ACCELERATION,
-    HELD_SPEED,
-    Autopilot,
-    Seen,
-)
+from pips_drake.remote_manipulator.autopilot import Autopilot, Seen
 from pips_drake.remote_manipulator.kinematics import forward_kinematics
 from pips_drake.remote_manipulator.phases import TABLE, Phase
 from pips_drake.remote_manipulator.program_state import ANGLES, GAP, HEIGHT
 from pips_drake.remote_manipulator.script import ScriptStep
+from pips_drake.remote_manipulator.straight_way import (
+    FREE_ACCELERATION,
+    FREE_SPEED,
+    HELD_ACCELERATION,
+    HELD_SPEED,
+)
 
 from .program_world import CONFIG, STOWED, World, arm_over, docked_payload, world
 

@@ -8,11 +8,10 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from pips_drake.remote_manipulator.analog_inputs import angle_scaling, encode_frame
 from pips_drake.remote_manipulator.autopilot import Autopilot as Pilot
-from pips_drake.remote_manipulator.autopilot import AutopilotState, Seen
+from pips_drake.remote_manipulator.autopilot import AutopilotState
 from pips_drake.remote_manipulator.operator_inputs import OperatorInputs
-from pips_drake.remote_manipulator.phases import Phase
-from pips_drake.remote_manipulator.program_state import FRAME_PERIOD, GAP, pose_of
-from pips_drake.twin.systems.inputs import input_values
+from pips_drake.remote_manipulator.program_state import FRAME_PERIOD
+from pips_drake.remote_manipulator.systems.seen import declare_seen_ports, read_seen
 
 Array = NDArray[np.float64]
 
@@ -58,15 +57,7 @@ class Autopilot(LeafSystem):
         super().__init__()
         self._pilot = pilot
         self._scaling = angle_scaling(pilot.config.arm)
-        self._phase, self._arm, self._payload, self._cae = (
-            int(self.DeclareVectorInputPort(name, size).get_index())
-            for name, size in (
-                ("phase", 1),
-                ("arm_measured", GAP + 1),
-                ("payload_pose", 7),
-                ("cae_pose", 7),
-            )
-        )
+        self._ports = declare_seen_ports(self)
         first = pilot.first_state(angles)
         self._state = self.DeclareDiscreteState(first.vector())
         still = OperatorInputs(angles=first.angles, station=pilot.station)
@@ -81,12 +72,7 @@ class Autopilot(LeafSystem):
         return AutopilotState.of_vector(context.get_discrete_state(self._state).value())
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        seen = Seen(
-            phase=Phase(round(float(input_values(self, context, self._phase)[0]))),
-            arm=np.array(input_values(self, context, self._arm)),
-            X_RP=pose_of(input_values(self, context, self._payload)),
-            X_RC=pose_of(input_values(self, context, self._cae)),
-        )
+        seen = read_seen(self, context, self._ports)
         state, inputs = self._pilot.advance(self._read(context), seen)
         values.set_value(self._state, state.vector())
         values.set_value(self._channels, encode_frame(inputs, self._scaling))

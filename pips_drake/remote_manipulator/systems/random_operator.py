@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pips_drake.remote_manipulator.analog_inputs import angle_scaling, encode_frame
-from pips_drake.remote_manipulator.autopilot import Seen
-from pips_drake.remote_manipulator.phases import Phase
-from pips_drake.remote_manipulator.program_state import FRAME_PERIOD, GAP, pose_of
+from pips_drake.remote_manipulator.program_state import FRAME_PERIOD
 from pips_drake.remote_manipulator.random_operator import RandomOperator as Hand
 from pips_drake.remote_manipulator.random_operator import RandomState
-from pips_drake.twin.systems.inputs import input_values
+from pips_drake.remote_manipulator.systems.seen import declare_seen_ports, read_seen
 
 
 class RandomOperator(LeafSystem):
@@ -52,15 +49,7 @@ class RandomOperator(LeafSystem):
         super().__init__()
         self._hand = hand
         self._scaling = angle_scaling(hand.config.arm)
-        self._phase, self._arm, self._payload, self._cae = (
-            int(self.DeclareVectorInputPort(name, size).get_index())
-            for name, size in (
-                ("phase", 1),
-                ("arm_measured", GAP + 1),
-                ("payload_pose", 7),
-                ("cae_pose", 7),
-            )
-        )
+        self._ports = declare_seen_ports(self)
         first = hand.first_state(angles)
         self._state = self.DeclareDiscreteState(first.vector())
         self._channels = self.DeclareDiscreteState(encode_frame(hand.inputs(first), self._scaling))
@@ -68,12 +57,7 @@ class RandomOperator(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(FRAME_PERIOD, 0.0, self._update)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        seen = Seen(
-            phase=Phase(round(float(input_values(self, context, self._phase)[0]))),
-            arm=np.array(input_values(self, context, self._arm)),
-            X_RP=pose_of(input_values(self, context, self._payload)),
-            X_RC=pose_of(input_values(self, context, self._cae)),
-        )
+        seen = read_seen(self, context, self._ports)
         state = RandomState.of_vector(context.get_discrete_state(self._state).value())
         state, inputs = self._hand.advance(state, seen)
         values.set_value(self._state, state.vector())

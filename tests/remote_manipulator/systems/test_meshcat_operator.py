@@ -11,7 +11,6 @@ from pydrake.systems.analysis import Simulator
 
 from pips_drake.errors import InputError
 from pips_drake.remote_manipulator.analog_inputs import angle_scaling, decode_frame
-from pips_drake.remote_manipulator.autopilot import FREE_SPEED, HELD_SPEED
 from pips_drake.remote_manipulator.kinematics import forward_kinematics
 from pips_drake.remote_manipulator.meshcat_controls import (
     ANGLE_KEYS,
@@ -23,6 +22,7 @@ from pips_drake.remote_manipulator.phases import Phase
 from pips_drake.remote_manipulator.runs.operators import make_operator
 from pips_drake.remote_manipulator.runs.run import load_setup
 from pips_drake.remote_manipulator.scenario import OperatorConfig, RemoteManipulatorScenario
+from pips_drake.remote_manipulator.straight_way import FREE_SPEED, HELD_SPEED
 from pips_drake.remote_manipulator.systems.meshcat_operator import MeshcatOperator
 
 from ..fake_meshcat import FakeMeshcat, Pad
