@@ -5,18 +5,14 @@ from dataclasses import dataclass, field
 
 from pips_drake.config import require
 from pips_drake.remote_manipulator.configuration import STATIONS
-from pips_drake.remote_manipulator.phases import PHASES
+from pips_drake.remote_manipulator.phases import PHASES, SUPPORTS
+from pips_drake.remote_manipulator.program_state import COLLISIONS, INHIBITS
 from pips_drake.remote_manipulator.script import ScriptStep
 
-#: The operator's frame, s. RMS-71 says "50 msec" and "1/50 second"; the former (FACTS).
-FRAME = 0.05
 #: Longest run, s.
 DAY = 86400.0
 #: What the fields of the same names may say.
-SUPPORTS = ("bay", "port", "none")
 OPERATORS = ("autopilot", "recording", "random", "meshcat")
-COLLISIONS = ("exact", "report")
-INHIBITS = ("direction_aware", "literal")
 
 
 @dataclass

@@ -61,7 +61,7 @@ def test_the_scenarios_are_listed_with_what_they_do(pips_here):
 #: Options that cannot be used with such a scenario, and what is said.
 OPTIONS = {
     "simulate dock_payload --set payload.support=moon": (
-        "payload.support = moon; must be bay or port or none"
+        "payload.support = moon; must be none or bay or port"
     ),
     "simulate dock_payload --set operator.kind=cat": "operator.kind = cat; must be autopilot or",
     "simulate dock_payload --set operator.kind=meshcat": "operator.script = 17 steps; must be some",

@@ -11,8 +11,9 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from pips_drake.remote_manipulator.configuration import load_configuration
 from pips_drake.remote_manipulator.kinematics import forward_kinematics, nearest_angles
+from pips_drake.remote_manipulator.phases import SUPPORTS
 from pips_drake.remote_manipulator.station.attachments import AttachmentMonitor
-from pips_drake.remote_manipulator.station.plant import SUPPORTS, PlantSettings, make_plant
+from pips_drake.remote_manipulator.station.plant import PlantSettings, make_plant
 
 CONFIG = load_configuration()
 #: The effector points down, with its z2 along the payload: the palm holds the bar.

@@ -11,7 +11,8 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, EventStatus, System
 
-from pips_drake.remote_manipulator.station.plant import SUPPORTS, Hold, RemoteManipulatorPlant
+from pips_drake.remote_manipulator.phases import SUPPORTS
+from pips_drake.remote_manipulator.station.plant import Hold, RemoteManipulatorPlant
 
 Array = NDArray[np.float64]
 

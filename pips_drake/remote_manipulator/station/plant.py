@@ -37,6 +37,7 @@ from pips_drake.errors import InputError
 from pips_drake.remote_manipulator.configuration import JOINTS, RemoteManipulatorConfig
 from pips_drake.remote_manipulator.drives import ARM_JOINTS, orbiter_gains
 from pips_drake.remote_manipulator.geometry import docking_port, probe_tip
+from pips_drake.remote_manipulator.phases import SUPPORTS
 from pips_drake.remote_manipulator.sdf import MODELS
 
 Array = NDArray[np.float64]
@@ -47,8 +48,6 @@ Array = NDArray[np.float64]
 GRAVITY = 1e-3
 #: X_WR when nothing has been translated.
 X_WR = RigidTransform(RotationMatrix.MakeXRotation(math.pi), np.zeros(3))
-#: What may hold the payload at first, by the program's number (`attachment` port).
-SUPPORTS = ("none", "bay", "port")
 
 
 @dataclass(kw_only=True)
@@ -57,7 +56,7 @@ class PlantSettings:
 
     Attributes:
         time_step: s.
-        support: what holds the payload at first, one of `SUPPORTS`.
+        support: what holds the payload at first, one of `phases.SUPPORTS`.
         X_RP: where the payload is at first; None: stowed, or docked if `support` is `port`.
         spin, velocity: of a payload that nothing holds, (3,) rad/s and m/s, in {R}.
         arm_vector: where the arm is at first, (8,); None: home, stand lowest, fingers open.

@@ -123,7 +123,6 @@ class Cluster:
     def run(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
         """See `Workers.run`."""
         try:
-            import distributed
             from distributed import Client, as_completed
         except ImportError:
             raise InputError(
@@ -147,7 +146,6 @@ class Cluster:
                 for case in suspects:
                     future = _submit(client, case, again=True)
                     flying[future] = case
-                    distributed.wait([future])
                     yield flying.pop(future), _outcome_of(future, self.address)
             finally:
                 with contextlib.suppress(Exception):  # a cluster that is gone has nothing to cancel
@@ -160,17 +158,25 @@ def _submit(client: Any, case: Case, *, again: bool = False) -> Any:
 
 
 def _outcome_of(future: Any, address: str) -> Outcome:
-    if future.status == "finished":
+    """The outcome of a case that has ended, or that has to be computed again.
+
+    A worker that dies takes along what others had finished on it, even between the word that a case
+    has ended and the asking for its outcome. So whatever a case's state is now is waited out.
+    """
+    from distributed import CancelledError, KilledWorker
+
+    try:
         outcome: Outcome = future.result()
-        return outcome
-    error = future.exception() if future.status == "error" else None
-    if type(error).__name__ == "KilledWorker":
+    except CancelledError:
+        raise PipsError(
+            f"the cluster at {address} was lost; finished cases are kept, and the same command "
+            "goes on"
+        ) from None
+    except KilledWorker:
         return Outcome(status=DIED, reason="the cluster's workers that took it ended")
-    if error is not None:  # one that cannot even import the work
+    except Exception as error:  # one that cannot even import the work
         return Outcome(status=FAILED, reason=f"{type(error).__name__}: {error}")
-    raise PipsError(
-        f"the cluster at {address} was lost; finished cases are kept, and the same command goes on"
-    )
+    return outcome
 
 
 def _start_process() -> None:
