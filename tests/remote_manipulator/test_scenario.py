@@ -83,7 +83,10 @@ seed: 5
 
 #: What is changed in `LITTLE`, by dotted name, and what is said of it.
 BAD: dict[str, tuple[dict[str, str], str]] = {
-    "another place": ({"payload.support": "moon"}, "payload.support = moon; must be none or bay or port"),
+    "another place": (
+        {"payload.support": "moon"},
+        "payload.support = moon; must be none or bay or port",
+    ),
     "a held payload that moves": (
         {"payload.velocity_m_s": "[1, 0, 0]"},
         "velocity and spin = not zero; must be zero unless support is none",
