@@ -73,6 +73,7 @@ SIMULATE_LINES: tuple[Line, ...] = (
     ("torque_fraction_max", "joint torque, at most", 100, "% of its limit"),
     ("penetration_max_m", "pressed into each other, at most", 1e3, "mm"),
     ("inhibits", "motion inhibited, times", 1, ""),
+    ("tension_slack_min_N", "tensions to their bounds, at least", 1, "N"),
     ("docking_distance_m", "probe to port when docked", 1e3, "mm"),
     ("docking_angle_rad", "angle when docked", 57.29577951308232, "deg"),
     ("real_time_rate", "simulated", 1, "times real time"),

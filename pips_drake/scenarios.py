@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pips_drake.cable_robot.scenario import CableRobotScenario
 from pips_drake.config import load_plain, load_yaml
 from pips_drake.errors import InputError, UnknownNameError
 from pips_drake.planning.scenario import PlannerScenario, with_goal
@@ -63,6 +64,12 @@ def _simulate_task(*args: Any, **kwargs: Any) -> Verdict:
     return run(*args, **kwargs)
 
 
+def _simulate_cable_robot(*args: Any, **kwargs: Any) -> Verdict:
+    from pips_drake.cable_robot.runs.simulate import simulate as run
+
+    return run(*args, **kwargs)
+
+
 @dataclass(frozen=True)
 class Machine:
     """A machine that scenarios can be written for.
@@ -81,6 +88,7 @@ class Machine:
 
 
 MACHINES = {
+    "cable_robot": Machine(CableRobotScenario, _simulate_cable_robot),
     "planner": Machine(PlannerScenario, _simulate_plan, plan=_plan_goals),
     "remote_manipulator": Machine(RemoteManipulatorScenario, _simulate_task),
     "serpentine": Machine(SerpentineScenario, _simulate_serpentine, studies=_serpentine_studies),

@@ -8,6 +8,7 @@ file. Kinds of file, and where their names come from:
 
 - ``arm``: ``models/arms/NAME.yaml``
 - ``manipulator``: ``models/manipulators/NAME.yaml``
+- ``cable robot``: ``models/cable_robots/NAME.yaml``
 - ``path``: ``models/paths/NAME.csv`` or ``NAME.yaml``
 - ``model``: ``models/sdf/*/NAME.sdf``
 - ``scene``: ``models/scenes/NAME.dmd.yaml``
@@ -32,6 +33,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _PATTERNS = {
     "arm": ("models/arms/*.yaml",),
     "manipulator": ("models/manipulators/*.yaml",),
+    "cable robot": ("models/cable_robots/*.yaml",),
     "path": ("models/paths/*.csv", "models/paths/*.yaml"),
     "model": ("models/sdf/*/*.sdf",),
     "scene": ("models/scenes/*.dmd.yaml",),

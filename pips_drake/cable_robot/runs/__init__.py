@@ -1,0 +1,1 @@
+"""Runs: what `pips simulate` does with a cable robot's scenario."""
