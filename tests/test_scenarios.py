@@ -49,11 +49,11 @@ def test_a_name_goes_before_a_file_of_that_name(tmp_path: Path, monkeypatch: Any
 BAD = {
     "no machine": (
         "path: trajectory_4\n",
-        "no key 'machine'; must be one of planner, remote_manipulator, serpentine",
+        "no key 'machine'; must be one of cable_robot, planner, remote_manipulator, serpentine",
     ),
     "unknown machine": (
         "machine: crane\n",
-        "unknown machine 'crane'; known: planner, remote_manipulator, serpentine",
+        "unknown machine 'crane'; known: cable_robot, planner, remote_manipulator, serpentine",
     ),
     "misspelt machine": ("machine: serpentin\n", "did you mean 'serpentine'"),
     "no text for a machine": ("machine: {a: 1}\n", "unknown machine"),

@@ -40,11 +40,11 @@ SCENARIOS: dict[str, tuple[dict[str, Any], str]] = {
     "unknown mounting": (dict(mounting="ceiling"), "unknown mounting 'ceiling'"),
     "unknown machine": (
         dict(machine="crane"),
-        "unknown machine 'crane'; known: planner, remote_manipulator, serpentine",
+        "unknown machine 'crane'; known: cable_robot, planner, remote_manipulator, serpentine",
     ),
     "no machine": (
         dict(machine=None),
-        "no key 'machine'; must be one of planner, remote_manipulator, serpentine",
+        "no key 'machine'; must be one of cable_robot, planner, remote_manipulator, serpentine",
     ),
     "a list for a machine": (dict(machine=["serpentine"]), "unknown machine"),
     "a path outside": (dict(path="../../secret.csv"), "'../../secret.csv'"),
