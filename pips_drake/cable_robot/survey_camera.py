@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from pips_drake.cable_robot.kinematics import Poses, make_poses
 from pips_drake.cable_robot.panels import Panel, panel_normals, panel_points
 from pips_drake.config import require
+
+if TYPE_CHECKING:
+    from pydrake.systems.sensors import CameraInfo
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -56,6 +60,18 @@ class SurveyCamera:
     def centre(self) -> Array:
         """Pixel (2,) that z goes through."""
         return np.array([0.5 * self.width - 0.5, 0.5 * self.height - 0.5])
+
+    def camera_info(self) -> CameraInfo:
+        """The intrinsics with which Drake's renderer draws this camera's pictures.
+
+        Drake counts pixels from their centres, as here, but its renderer takes the principal point
+        to be counted from the picture's edge: with `CameraInfo(width, height, field_of_view)` what
+        it draws is half a pixel further to the left and further up (measured; drake 1.51 and 1.58).
+        """
+        from pydrake.systems.sensors import CameraInfo
+
+        f = self.focal_length
+        return CameraInfo(self.width, self.height, f, f, *(self.centre + 0.5))
 
     def rays(self, pixels: ArrayLike) -> Array:
         """Directions (N, 3) in {C}, with z = 1, of pixels (N, 2) as (across, down)."""

@@ -21,7 +21,6 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.sensors import CameraInfo
 
 from pips_drake.cable_robot.defects import Defect
 from pips_drake.cable_robot.kinematics import Poses
@@ -48,8 +47,9 @@ def painted(folder: Path, panels: Sequence[Panel], defects: Sequence[Defect]) ->
 
     def shoot(camera: SurveyCamera, poses: Poses, index: int) -> NDArray[np.uint8]:
         query_object = scene_graph.get_query_output_port().Eval(context)
-        info = CameraInfo(camera.width, camera.height, camera.field_of_view)
-        core = RenderCameraCore("vtk", info, ClippingRange(0.05, 20.0), RigidTransform())
+        core = RenderCameraCore(
+            "vtk", camera.camera_info(), ClippingRange(0.05, 20.0), RigidTransform()
+        )
         X_WC = RigidTransform(RotationMatrix(poses.rotation[index]), poses.position[index])
         world = query_object.inspector().world_frame_id()
         image = query_object.RenderColorImage(ColorRenderCamera(core, False), world, X_WC)
