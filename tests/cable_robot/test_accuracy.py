@@ -15,7 +15,8 @@ from pips_drake.cable_robot.kinematics import (
 )
 from pips_drake.cable_robot.robot import CableRobot
 from pips_drake.errors import InputError
-from tests.cable_robot.robots import box_robot, planar_example
+
+from .robots import box_robot, planar_example
 
 #: So small that squares of it do not count: the pose errs by some 1e-6 of its own.
 ERROR = 1e-6

@@ -20,7 +20,8 @@ from pips_drake.cable_robot.stability import kinematic_stability, static_stabili
 from pips_drake.cable_robot.statics import characteristic_length, structure_matrix
 from pips_drake.cable_robot.stiffness import elastic_stiffness, stiffness_directions
 from pips_drake.errors import InputError
-from tests.cable_robot.robots import box_robot, planar_example
+
+from .robots import box_robot, planar_example
 
 LOW, HIGH = 10.0, 800.0
 BOX = np.array([20.0, 20.0, 20.0, 4.0, 4.0, 4.0])

@@ -22,7 +22,8 @@ from scipy.spatial.transform import Rotation
 from pips_drake.cable_robot.interference import ObstacleBox, box_from_bounds, clearances
 from pips_drake.cable_robot.kinematics import cable_vectors, make_poses
 from pips_drake.errors import InputError
-from tests.cable_robot.robots import box_robot
+
+from .robots import box_robot
 
 #: Drake's iteration ends above the distance, by up to 1.4e-5 m here.
 UNFINISHED = 5e-5

@@ -17,7 +17,8 @@ from pips_drake.cable_robot.statics import (
 )
 from pips_drake.cable_robot.workspace import Study, make_grid, sweep
 from pips_drake.errors import InputError, PipsError
-from tests.cable_robot.robots import box_robot, planar_example
+
+from .robots import box_robot, planar_example
 
 
 @pytest.fixture(scope="module")
