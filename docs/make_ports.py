@@ -18,9 +18,9 @@ FILE = Path(__file__).resolve().parent / "ports.md"
 HEAD = """# Systems and their ports
 
 Written by `python docs/make_ports.py` from the classes' docstrings: edit those. J is the number of
-an arm's joints, A that of its actuators, M that of its modules. Every system works alone in a
-diagram of your own; how a station connects them is in its machine's `station/`, and a run's
-`diagram.svg` draws it.
+an arm's joints, A that of its actuators, M that of its modules, or of a robot's cables. Every
+system works alone in a diagram of your own; how a station connects them is in its machine's
+`station/`, and a run's `diagram.svg` draws it.
 """
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import itertools
 import pkgutil
 import re
 import textwrap
@@ -16,6 +17,9 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 
 import pips_drake
+from pips_drake.cable_robot.kinematics import make_poses
+from pips_drake.cable_robot.platform_motion import PlatformMotion
+from pips_drake.cable_robot.robot import CableRobot
 from pips_drake.planning.live_arm import LiveArm
 from pips_drake.remote_manipulator.analog_inputs import angle_scaling
 from pips_drake.remote_manipulator.autopilot import Autopilot
@@ -50,8 +54,8 @@ def find_systems() -> dict[str, type[LeafSystem]]:
 
 
 SYSTEMS = find_systems()
-#: J and A in the docstrings: joints and actuators of the arm that `arguments` has.
-COUNTS = {"": 1, "J": 18, "A": 16}
+#: J, A and M in the docstrings: joints and actuators of the arm that `arguments` has, and cables.
+COUNTS = {"": 1, "J": 18, "A": 16, "M": 8}
 
 
 class Controls:
@@ -72,16 +76,22 @@ def arguments() -> dict[str, object]:
     tip = spine_points(arm, arm.joint_home)[0, -1]
     manipulator = load_configuration()
     home = OperatorInputs(angles=manipulator.arm.home)
+    ends = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    cable_robot = CableRobot(name="box", anchors=3.0 * ends, attachments=0.1 * ends)
+    poses = make_poses([0.0, 0.0, 0.0])
     return {
         "angles": manipulator.arm.home,
         "arm": arm,
         "bodies": [[1, 2]] * COUNTS["A"],
         "body_index": 1,
+        "cable_robot": cable_robot,
         "cae_index": 2,
         "config": manipulator,
         "controls": Controls(manipulator),
         "given": GivenJoints(arm=arm, motion=motion, name="joints"),
+        "first_lengths": np.ones(COUNTS["M"]),
         "gravity": [0.0, 0.0, -9.81],
+        "guess": poses,
         "hand": RandomOperator(manipulator, 0),
         "live_arm": live_arm,
         "model": model,
@@ -91,6 +101,7 @@ def arguments() -> dict[str, object]:
         "period": 1.0 / 512.0,
         "pilot": Autopilot(manipulator, [ScriptStep(do="close")]),
         "plant": plant,
+        "platform_motion": PlatformMotion(poses),
         "points": [[[0.0, 0.0, 0.0]] * 2] * COUNTS["A"],
         "profile": RestToRestProfile.make(travel=1.0, speed=0.1, ramp=1.0),
         "program": CollisionProgram(manipulator),
@@ -160,6 +171,6 @@ def test_each_port_has_one_line_with_its_true_size(name):
         if port.get_data_type() == PortDataType.kAbstractValued:
             assert line.startswith(": abstract ")
         else:
-            shape = re.match(r", \((\d*) ?([JA]?),\):", line)
+            shape = re.match(r", \((\d*) ?([JAM]?),\):", line)
             assert shape, f"{name}.{port.get_name()} must state its shape, such as (2 J,)"
             assert int(shape[1] or 1) * COUNTS[shape[2]] == port.size()
