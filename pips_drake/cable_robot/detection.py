@@ -290,6 +290,11 @@ def _neighbours(boxes: NDArray[np.int64], gap: int) -> list[list[int]]:
     return [np.flatnonzero(group == g).tolist() for g in range(group.max() + 1)]
 
 
+def require_scikit_image() -> None:
+    """Raises `InputError` unless scikit-image is installed."""
+    _scikit_image_measure()
+
+
 def _scikit_image_measure() -> Any:
     try:
         from skimage import measure

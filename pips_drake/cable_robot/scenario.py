@@ -49,6 +49,80 @@ class StaticsConfig:
 
 
 @dataclass
+class CameraConfig:
+    """The survey's camera."""
+
+    width: int = 1280
+    height: int = 960
+    # Vertical.
+    field_of_view_deg: float = 30.0
+    # Standard deviation of a pixel's noise, of 255.
+    noise: float = 2.0
+
+    def validate(self) -> None:
+        for name, low, high in (("width", 160, 4096), ("height", 120, 4096)):
+            value = getattr(self, name)
+            require(low <= value <= high, f"survey.camera.{name}", value, f"{low} .. {high}")
+        value = self.field_of_view_deg
+        require(5.0 <= value <= 90.0, "survey.camera.field_of_view_deg", value, "5 .. 90")
+        require(0.0 <= self.noise <= 50.0, "survey.camera.noise", self.noise, "0 .. 50")
+
+
+@dataclass
+class DefectsConfig:
+    """What is painted on the panels, and found again."""
+
+    count: int = 60
+    smallest_mm: float = 3.0
+    largest_mm: float = 40.0
+    # After the mission: how many are new, have grown, and have been cleaned away.
+    new: int = 6
+    grown: int = 5
+    cleaned: int = 3
+
+    def validate(self) -> None:
+        for name in ("count", "new", "grown", "cleaned"):
+            value = getattr(self, name)
+            require(0 <= value <= 1000, f"survey.defects.{name}", value, "0 .. 1000")
+        good = 0.5 <= self.smallest_mm <= self.largest_mm <= 500.0
+        sizes = f"{self.smallest_mm:g} .. {self.largest_mm:g} mm"
+        require(good, "survey.defects: sizes", sizes, "rising, within 0.5 .. 500 mm")
+
+
+@dataclass
+class SurveyConfig:
+    """Task `survey`: the camera flies over the radiators, finds their defects and reports them."""
+
+    # Of defects, noise and the calibration's errors.
+    seed: int = 0
+    # Names such as port_2; empty: all eight.
+    panels: list[str] = field(default_factory=list)
+    # Of the camera from the panel.
+    standoff_m: float = 1.0
+    # Share of a picture that the next one shows again.
+    overlap: float = 0.1
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    defects: DefectsConfig = field(default_factory=DefectsConfig)
+    # Once more after a mission, and compared.
+    after_mission: bool = True
+    # Of the moves from view to view, and the rest for a picture.
+    speed_m_s: float = 0.3
+    acceleration_m_s2: float = 0.3
+    exposure_s: float = 0.5
+
+    def validate(self) -> None:
+        require(0 <= self.seed < 2**31, "survey.seed", self.seed, "0 .. 2147483647")
+        good = 0.3 <= self.standoff_m <= 2.0
+        require(good, "survey.standoff_m", f"{self.standoff_m:g} m", "0.3 .. 2 m")
+        require(0.0 <= self.overlap <= 0.8, "survey.overlap", f"{self.overlap:g}", "0 .. 0.8")
+        for name in ("speed_m_s", "acceleration_m_s2"):
+            value = getattr(self, name)
+            require(0.0 < value <= 10.0, f"survey.{name}", f"{value:g}", "> 0 and <= 10")
+        good = 0.0 <= self.exposure_s <= 60.0
+        require(good, "survey.exposure_s", f"{self.exposure_s:g} s", "0 .. 60 s")
+
+
+@dataclass
 class CheckConfig:
     """What must be found for the verdict to be `pass`."""
 
@@ -58,11 +132,24 @@ class CheckConfig:
     kinematically_stable: str = "none"
     # Tensions within the rope's bounds exist.
     within_bounds: bool = True
+    # Task `survey`: share of the panels that is seen, in percent; every defect from this size on is
+    # found; so many false alarms are allowed; and the least distance of platform and cables to
+    # panels and sills.
+    coverage_min_percent: float = 99.9
+    found_from_mm: float = 5.0
+    false_alarms_max: int = 3
+    clearance_min_mm: float = 50.0
 
     def validate(self) -> None:
         known = ("none", "true", "false")
         value = self.kinematically_stable
         require(value in known, "checks.kinematically_stable", value, " or ".join(known))
+        value_percent = self.coverage_min_percent
+        good = 0.0 <= value_percent <= 100.0
+        require(good, "checks.coverage_min_percent", value_percent, "0 .. 100")
+        for name in ("found_from_mm", "false_alarms_max", "clearance_min_mm"):
+            number = getattr(self, name)
+            require(number >= 0, f"checks.{name}", f"{number:g}", ">= 0")
 
 
 @dataclass
@@ -78,6 +165,7 @@ class CableRobotScenario:
     # A shipped robot (`models/cable_robots`), or a file beside the scenario.
     robot: str = ""
     statics: StaticsConfig = field(default_factory=StaticsConfig)
+    survey: SurveyConfig = field(default_factory=SurveyConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
 
     def validate(self) -> None:
