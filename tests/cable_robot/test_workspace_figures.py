@@ -15,23 +15,38 @@ from pips_drake.cable_robot.cablings import (
 )
 from pips_drake.cable_robot.configuration import load_robot
 from pips_drake.cable_robot.materials import MATERIALS, RopeNeed, compare_materials
+from pips_drake.cable_robot.runs import cabling_figures, workspace_figures
 from pips_drake.cable_robot.runs.cabling_figures import (
     cabling_plans_figure,
     cablings_figure,
     materials_figure,
 )
-from pips_drake.cable_robot.runs.workspace_figures import (
-    map_figure,
-    volume_figure,
-    workspace_figures,
-)
+from pips_drake.cable_robot.runs.workspace_figures import map_figure, volume_figure
 from pips_drake.cable_robot.workspace import Study, make_grid, sweep
 from pips_drake.errors import UnknownNameError
+from pips_drake.twin.figures import figure_style, save_figure
+
+from ..figure_layout import check_layout
 
 
 @pytest.fixture(scope="module")
 def robot():
     return load_robot("radiator_crossed").robot()
+
+
+@pytest.fixture
+def texts(monkeypatch):
+    """What every figure says, by file name; each was checked for texts that overlap."""
+    said = {}
+
+    def check_and_save(figure, file):
+        save_figure(figure, file)
+        with figure_style():
+            said[file.stem] = check_layout(figure)
+
+    for module in (workspace_figures, cabling_figures):
+        monkeypatch.setattr(module, "save_figure", check_and_save)
+    return said
 
 
 def colours(file):
@@ -41,14 +56,17 @@ def colours(file):
 
 
 @pytest.mark.slow
-def test_every_map_is_drawn_and_the_volume_is_the_sweep_s(robot, tmp_path):
-    volumes = workspace_figures(
+def test_every_map_is_drawn_and_the_volume_is_the_sweep_s(robot, tmp_path, texts):
+    volumes = workspace_figures.workspace_figures(
         tmp_path, robot, bay_obstacles(), disturbance=DISTURBANCE, cells=0.5
     )
     for name in ("tension", "accuracy", "stiffness", "force", "moment"):
         count, width = colours(tmp_path / f"map_{name}.png")
         assert count > 200  # a map in colours, not an empty frame
         assert width == 1500
+    assert "position error (mm)" in texts["map_accuracy"]
+    assert "not usable (20 N and 2 N m not borne" in texts["map_tension"]
+    assert f"usable: {volumes['usable']:.0f} m3" in texts["volume"]
     grid = make_grid([-11.0, -7.0, -1.0], [11.0, 7.0, 6.0], (22, 14, 7))
     force, moment = DISTURBANCE
     study = Study(disturbance_force=force, disturbance_moment=moment, obstacles=bay_obstacles())
@@ -57,7 +75,7 @@ def test_every_map_is_drawn_and_the_volume_is_the_sweep_s(robot, tmp_path):
 
 
 @pytest.mark.slow
-def test_cablings_and_materials_are_drawn(robot, tmp_path):
+def test_cablings_and_materials_are_drawn(robot, tmp_path, texts):
     candidates = [("straight", Frame()), ("crossed_round", Frame())]
     rows = compare_cablings(robot, candidates, poses=survey_poses(3, 3)[0])
     cablings_figure(tmp_path / "cablings.png", rows)
@@ -68,6 +86,10 @@ def test_cablings_and_materials_are_drawn(robot, tmp_path):
         count, width = colours(tmp_path / f"{name}.png")
         assert count > 50
         assert width == 1500
+    best = rows[1]
+    assert f"{best.moment:.1f}" in texts["cablings"]
+    assert f"usable at {100.0 * best.usable:.0f} %" in texts["plans"]
+    assert "recommended: steel wire rope" in texts["materials"]
 
 
 def test_an_unknown_map_lists_the_known(robot, tmp_path):

@@ -177,6 +177,7 @@ def map_figure(
             image = _draw_slice(axes, grid, value, mask, one, scale, colors)
             draw_place(axes, robot, one[0], one[1])
             axes.set_title(one[4])
+        drawn[0].set_xlabel("")  # the side view below has the same axis
         bar = figure.colorbar(image, ax=drawn, shrink=0.8, extend="both", aspect=30)
         bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         bar.ax.yaxis.set_minor_locator(NullLocator())
