@@ -130,10 +130,10 @@ def capability_of(
 ) -> Capability:
     """`wrench_capability` where Jacobian, solution and L^+ are known already."""
     freedom = robot.freedom
-    box = np.zeros(freedom) if disturbance is None else np.asarray(disturbance, dtype=np.float64)
+    box = np.array(np.zeros(freedom) if disturbance is None else disturbance, dtype=np.float64)
     if box.shape != (freedom,) or not np.all(np.isfinite(box) & (box >= 0.0)):
         raise InputError(f"disturbance {box.tolist()}; must be ({freedom},), >= 0, N and N m")
-    ways = np.asarray(directions, dtype=np.float64).reshape(-1, freedom)
+    ways = np.array(directions, dtype=np.float64).reshape(-1, freedom)
     if not np.all(np.isfinite(ways)):
         raise InputError("directions: must be finite wrenches, N and N m")
     full = solution.rank == freedom
@@ -146,7 +146,8 @@ def capability_of(
         np.ascontiguousarray(solution.bases[full][:, :, freedom:]),
         np.ascontiguousarray(solution.shortest[full]),
         np.ascontiguousarray(np.swapaxes(inverse[full], 1, 2)),
-        *bounds,
+        float(bounds[0]),
+        float(bounds[1]),
         faces,
         box,
         forces,

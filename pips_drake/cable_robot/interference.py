@@ -113,19 +113,20 @@ def clearances(
     """
     good = np.isfinite(free_length) and free_length >= 0.0
     require(good, "free_length", f"{free_length:g} m", ">= 0")
-    distances, nearest = _least_distances(
-        np.ascontiguousarray(robot.anchors),
-        np.ascontiguousarray(robot.attachments),
+    arrays = (
+        robot.anchors,
+        robot.attachments,
         _shared_ends(robot),
-        np.ascontiguousarray(poses.position),
-        np.ascontiguousarray(poses.rotation),
-        np.ascontiguousarray(0.5 * robot.box),
+        poses.position,
+        poses.rotation,
+        0.5 * robot.box,
         np.array([0.5 * one.size for one in obstacles]).reshape(-1, 3),
         np.array([one.X_WB[:3, :3] for one in obstacles]).reshape(-1, 3, 3),
         np.array([one.X_WB[:3, 3] for one in obstacles]).reshape(-1, 3),
-        free_length,
-        _signs(),
-        _EDGES,
+    )
+    # Copies: arrays that may not be written, or lie otherwise, are compiled for once more.
+    distances, nearest = _least_distances(
+        *(np.array(one, order="C") for one in arrays), float(free_length), _signs(), _EDGES.copy()
     )
     apart = np.ascontiguousarray(distances.T)
     return Clearances(apart[0], apart[1], apart[2], apart[3], nearest)
