@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass, field
 
-from pips_drake.cable_robot.words import TASKS, TENSION_METHODS
+from pips_drake.cable_robot.words import FLIGHTS, TASKS, TENSION_METHODS
 from pips_drake.config import require
 
 
@@ -108,9 +108,13 @@ class SurveyConfig:
     # Of the moves from view to view, and the rest for a picture.
     speed_m_s: float = 0.3
     acceleration_m_s2: float = 0.3
-    exposure_s: float = 0.5
+    exposure_s: float = 0.8
+    # station: the whole flight is simulated, winches and swinging included. rest: only the poses at
+    # which the platform is at rest are computed, which takes no time.
+    flight: str = "station"
 
     def validate(self) -> None:
+        require(self.flight in FLIGHTS, "survey.flight", self.flight, " or ".join(FLIGHTS))
         require(0 <= self.seed < 2**31, "survey.seed", self.seed, "0 .. 2147483647")
         good = 0.3 <= self.standoff_m <= 2.0
         require(good, "survey.standoff_m", f"{self.standoff_m:g} m", "0.3 .. 2 m")
@@ -120,6 +124,28 @@ class SurveyConfig:
             require(0.0 < value <= 10.0, f"survey.{name}", f"{value:g}", "> 0 and <= 10")
         good = 0.0 <= self.exposure_s <= 60.0
         require(good, "survey.exposure_s", f"{self.exposure_s:g} s", "0 .. 60 s")
+
+
+@dataclass
+class BreakConfig:
+    """Task `cable_break`: a cable breaks while the platform rests; what becomes of it?"""
+
+    # Counted from 1, in the order of the robot's file.
+    cable: int = 1
+    pose: PoseConfig = field(default_factory=PoseConfig)
+    # When it breaks, and how long is simulated.
+    time_s: float = 0.5
+    duration_s: float = 10.0
+    # From the break until the winches lock.
+    reaction_s: float = 0.1
+
+    def validate(self) -> None:
+        require(self.cable >= 1, "cable_break.cable", self.cable, ">= 1")
+        good = 0.0 <= self.time_s < self.duration_s <= 600.0
+        shown = f"{self.time_s:g} s of {self.duration_s:g} s"
+        require(good, "cable_break: time_s and duration_s", shown, "rising, within 0 .. 600 s")
+        good = 0.0 <= self.reaction_s <= 60.0
+        require(good, "cable_break.reaction_s", f"{self.reaction_s:g} s", "0 .. 60 s")
 
 
 @dataclass
@@ -134,7 +160,7 @@ class CheckConfig:
     within_bounds: bool = True
     # Task `survey`: share of the panels that is seen, in percent; every defect from this size on is
     # found; so many false alarms are allowed; and the least distance of platform and cables to
-    # panels and sills.
+    # panels and sills (task `cable_break`: of the platform, in its swing and at its rest).
     coverage_min_percent: float = 99.9
     found_from_mm: float = 5.0
     false_alarms_max: int = 3
@@ -166,6 +192,7 @@ class CableRobotScenario:
     robot: str = ""
     statics: StaticsConfig = field(default_factory=StaticsConfig)
     survey: SurveyConfig = field(default_factory=SurveyConfig)
+    cable_break: BreakConfig = field(default_factory=BreakConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
 
     def validate(self) -> None:

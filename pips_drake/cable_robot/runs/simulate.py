@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pips_drake.cable_robot.configuration import CableRobotConfig, load_robot
-from pips_drake.cable_robot.runs import statics, survey
+from pips_drake.cable_robot.runs import cable_break, statics, survey
 from pips_drake.cable_robot.runs.task import TaskResult
 from pips_drake.cable_robot.scenario import CableRobotScenario
 from pips_drake.config import dump_yaml
@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 #: What prepares each task: it refuses bad input, and returns what does the work into a folder.
 _TASKS: dict[
     str, Callable[[CableRobotScenario, CableRobotConfig], Callable[[Path, str], TaskResult]]
-] = {"statics": statics.prepare, "survey": survey.prepare}
+] = {
+    "cable_break": cable_break.prepare,
+    "statics": statics.prepare,
+    "survey": survey.prepare,
+}
 
 
 def simulate(

@@ -33,6 +33,7 @@ from pips_drake.cable_robot.panels import Panel, find_panel, radiator_panels
 from pips_drake.cable_robot.platform_motion import MotionLimits
 from pips_drake.cable_robot.raster import Raster, coverage, survey_raster
 from pips_drake.cable_robot.runs.panel_studio import PanelStudio
+from pips_drake.cable_robot.runs.station_flight import station_flight
 from pips_drake.cable_robot.runs.survey_files import write_survey
 from pips_drake.cable_robot.runs.survey_flight import Flight, flight_motion, rest_flight
 from pips_drake.cable_robot.runs.task import TaskResult
@@ -201,7 +202,11 @@ def _survey(
 ) -> Survey:
     asked = scenario.survey
     seed = 1000 * asked.seed + number
-    flight = rest_flight(config, raster, _limits(scenario), seed=seed)
+    limits = _limits(scenario)
+    if asked.flight == "station":
+        flight = station_flight(config, raster, limits, seed=seed, label=f"flight {number + 1}")
+    else:
+        flight = rest_flight(config, raster, limits, seed=seed)
     tolerance = _tolerance(config, camera, raster, asked.standoff_m)
     true = camera_poses(camera, flight.true, raster.tilt)
     estimated = camera_poses(camera, flight.estimated, raster.tilt)

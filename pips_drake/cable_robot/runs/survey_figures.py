@@ -30,9 +30,9 @@ def map_figure(survey: Survey, comparison: SurveyComparison | None, *, title: st
     new = {f.name for f in comparison.new} if comparison else set()
     grown = {late.name for _, late in comparison.grown} if comparison else set()
     with figure_style():
-        figure = new_figure(2.6 + 2.3 * len(sides), title=title)
+        figure = new_figure(1.3 + 7.0 * len(sides) / max(len(columns), 2), title=title)
         grid = figure.subplots(len(sides), len(columns), squeeze=False)
-        for row, side in zip(grid, sides, strict=True):
+        for side, row in zip(sides, grid, strict=True):
             for axes, number in zip(row, columns, strict=True):
                 name = f"{side}_{number}"
                 if name not in panels:
@@ -67,7 +67,7 @@ def map_figure(survey: Survey, comparison: SurveyComparison | None, *, title: st
                 axes.set_title(f"{name.replace('_', ' ')}, {share:.1f} % seen")
                 if axes is row[0]:
                     axes.set_ylabel("v from the hinge (m)")
-                if row is grid[-1]:
+                if side == sides[-1]:
                     axes.set_xlabel("u aft (m)")
         _legend(figure, comparison is not None, bool(survey.check.missed))
     return figure

@@ -107,7 +107,8 @@ def _numbers(run: SurveyRun) -> dict[str, Any]:
             "pose_error_max_m": float(off.max()),
             "tension_min_N": float(flight.tensions.min()),
             "tension_max_N": float(flight.tensions.max()),
-            "tensions_within_bounds": bool(flight.held.all()),
+            "views_held": int(flight.held.sum()),
+            "views_with_a_slack_cable": int(np.any(flight.tensions <= 0.0, axis=1).sum()),
         }
     last = numbers[f"survey_{_NAMES[len(run.surveys) - 1]}"]
     for key in ("coverage_share", "map_error_max_m", "map_error_predicted_m", "false_alarms"):
@@ -146,7 +147,7 @@ def _judge(scenario: CableRobotScenario, run: SurveyRun) -> list[str]:
             failures.append(f"{where}: {alarms} false alarms; must be <= {checks.false_alarms_max}")
         if not survey.flight.held.all():
             count = int(np.count_nonzero(~survey.flight.held))
-            failures.append(f"{where}: at {count} views no tensions within the bounds hold it")
+            failures.append(f"{where}: at {count} views the cables do not hold the platform")
     if 1e3 * run.clearance < checks.clearance_min_mm:
         failures.append(
             f"{run.clearance_kind}: {1e3 * run.clearance:.0f} mm; must be "

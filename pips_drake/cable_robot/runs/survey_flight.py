@@ -47,7 +47,7 @@ class Flight:
         wanted, true, estimated: poses of the platform.
         length_errors: of the calibration, (M,) m.
         tensions: of the cables, (N, M) N.
-        held: at which views the tensions are within the bounds, (N,).
+        held: at which views the platform is held, no cable overloaded, (N,).
         duration: of the whole survey, s.
     """
 
