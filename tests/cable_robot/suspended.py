@@ -38,6 +38,16 @@ def suspended_robot(*, low: float = 1.5, top: float = 5.0, **changes: Any) -> Ca
     return CableRobot(**(numbers | changes))
 
 
+def crossed_robot(**changes: Any) -> CableRobot:
+    """The same platform on crossed cables, all from high above: it resists moments too."""
+    signs = [[-1, -1, -1], [1, -1, -1], [-1, 1, -1], [1, 1, -1]]
+    signs += [[-1, -1, 1], [1, -1, 1], [-1, 1, 1], [1, 1, 1]]
+    ends = [[-1, 1, 6.0], [-1, -1, 6.5], [1, 1, 6.5], [1, -1, 6.0]]
+    ends += [[1, -1, 6.5], [1, 1, 6.0], [-1, -1, 6.0], [-1, 1, 6.5]]
+    anchors = np.array(ends) * [11.0, 7.0, 1.0]
+    return suspended_robot(anchors=anchors, attachments=HALF * np.array(signs), **changes)
+
+
 def quarter_pipe(pieces: int = 8) -> list[BoxObstacle]:
     """Staves of a quarter pipe of radius 2.286 m on starboard, from the sill down and outwards."""
     radius, thickness, boxes = 2.286, 0.05, []

@@ -106,8 +106,10 @@ def check_time_step(
         The highest frequency there, rad/s.
 
     Raises:
-        InputError: says the step, and what it must be.
+        InputError: says the step, and what it must be; or the robot is a planar one.
     """
+    if robot.freedoms != SPATIAL:
+        raise InputError(f"{robot.name}: a planar robot; the station is of robots in space")
     require(0.0 < time_step <= 0.1, "time_step", f"{time_step:g} s", "in (0, 0.1] s")
     tensions = np.maximum(distribute_tensions(robot, poses, "least_norm").tensions, 0.0)
     rates = fastest_rates(robot, poses, tensions)
@@ -144,10 +146,8 @@ def add_plant(
         camera_head: whether a ball below the platform stands for the camera's head.
 
     Raises:
-        InputError: a planar robot, or two obstacles of one name.
+        InputError: two obstacles of one name.
     """
-    if robot.freedoms != SPATIAL:
-        raise InputError(f"{robot.name}: a planar robot; the station is of robots in space")
     names = [obstacle.name for obstacle in obstacles]
     twice = next((name for name in names if names.count(name) > 1), "")
     require(not twice, "obstacles: name", f"{twice} (twice)", "different from the others'")

@@ -225,6 +225,7 @@ def AddCableRobot(
         estimated = settings.feedback == "estimated"
         fed_back = estimator.GetOutputPort("estimated_state") if estimated else state_port
         builder.Connect(fed_back, controller.GetInputPort("platform_state"))
+        _connect(builder, controller, winches, "command_rate")
     _connect(builder, controller, winches, "command")
     _connect(builder, forces, winches, "tensions")
     _connect(builder, winches, forces, "unstretched", "rate")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from pips_drake.cable_robot.kinematics import jacobian
 from pips_drake.cable_robot.robot import CableRobot
 from pips_drake.cable_robot.statics import distribute_tensions
 from pips_drake.cable_robot.systems.pose_values import pose_of, turn_vector
@@ -27,6 +28,7 @@ class TensionController(LeafSystem):
         - platform_state
         output_ports:
         - command
+        - command_rate
         - wanted_tensions
         - feasible
 
@@ -40,6 +42,7 @@ class TensionController(LeafSystem):
     Output ports, all from state (no feedthrough):
 
     - `command`, (M,): tensions, N, within the robot's bounds.
+    - `command_rate`, (M,): of the lengths, m/s.
     - `wanted_tensions`, (M,): the same before they are cut to the bounds, N.
     - `feasible`, (1,): 1 if nothing had to be cut.
 
@@ -47,7 +50,9 @@ class TensionController(LeafSystem):
 
     The cables' wrench is -m g + m (w^2 e + 2 z w e') and, for the rotation vector of the error in
     the world's axes, J (w^2 r + 2 z w r'): every error dies away as the same oscillator. Tensions
-    that do it are the statics' analytic centre, which moves smoothly.
+    that do it are the statics' analytic centre, which moves smoothly. A winch that goes by its
+    tension alone resists motion as a damper of E A / (l0 times its bandwidth), some 5 kN s/m: so
+    it is told the rate too, that of L (desired twist + w / 2 error).
 
     Args:
         cable_robot: with M cables, and bounds of their tensions.
@@ -72,6 +77,7 @@ class TensionController(LeafSystem):
         require(damping >= 0.0, "tension controller: damping", f"{damping:g}", ">= 0")
         self._robot = cable_robot
         self._inertia = box_inertia(cable_robot) if inertia is None else inertia
+        self._bandwidth = bandwidth
         self._gains = bandwidth**2, 2.0 * damping * bandwidth
         count = cable_robot.cables
         ports = [
@@ -79,8 +85,8 @@ class TensionController(LeafSystem):
             for name, size in (("desired_pose", 7), ("desired_twist", 6), ("platform_state", 13))
         ]
         self._pose, self._twist, self._state = (int(port.get_index()) for port in ports)
-        self._states = [self.DeclareDiscreteState(size) for size in (count, count, 1)]
-        names = ("command", "wanted_tensions", "feasible")
+        self._states = [self.DeclareDiscreteState(size) for size in (count, count, count, 1)]
+        names = ("command", "command_rate", "wanted_tensions", "feasible")
         for name, state in zip(names, self._states, strict=True):
             self.DeclareStateOutputPort(name, state)
         self.DeclareInitializationDiscreteUpdateEvent(self._update)
@@ -104,8 +110,10 @@ class TensionController(LeafSystem):
         found = distribute_tensions(robot, pose, wrench=-wrench)
         tensions = found.tensions[0]
         values.set_value(self._states[0], np.clip(tensions, robot.tension_min, robot.tension_max))
-        values.set_value(self._states[1], tensions)
-        values.set_value(self._states[2], found.feasible[:1].astype(float))
+        closing = wanted_twist + 0.5 * self._bandwidth * error
+        values.set_value(self._states[1], jacobian(robot, pose)[0] @ closing)
+        values.set_value(self._states[2], tensions)
+        values.set_value(self._states[3], found.feasible[:1].astype(float))
 
 
 def box_inertia(robot: CableRobot) -> Array:

@@ -36,6 +36,7 @@ class Winches(LeafSystem):
         - command
         - tensions
         - brake
+        - command_rate
         output_ports:
         - unstretched
         - rate
@@ -47,6 +48,7 @@ class Winches(LeafSystem):
     - `command`, (M,): unstretched lengths, m, or tensions, N.
     - `tensions`, (M,): of the cables, N.
     - `brake`, (1,): above 0.5 all winches stand still; optional.
+    - `command_rate`, (M,): of the lengths, m/s, under control by tension; optional.
 
     Output ports; all but `force_reading` are from state, without feedthrough:
 
@@ -62,8 +64,9 @@ class Winches(LeafSystem):
     By length: a command is rounded to encoder steps, read every `control_period`, one period after
     it is written, and reached a control period later at a constant rate, if the speed allows.
 
-    By tension: the rate is bandwidth l0 / (E A) (reading - command), within the speed; with the
-    platform held, the tension goes to its command with that bandwidth.
+    By tension: the rate is that of `command_rate` plus bandwidth l0 / (E A) (reading - command),
+    within the speed; with the platform held, the tension goes to its command with that bandwidth.
+    Without the first, a cable that moves at 0.1 m/s would miss its tension by hundreds of newtons.
 
     A cable at `force_limit` or above is reeled in no farther: `hold`, the winch keeps what it has
     and its brake bears whatever more comes; `slip`, it lets out so much that the excess is gone in
@@ -126,7 +129,10 @@ class Winches(LeafSystem):
         self._flexibility = 1.0 / cable_robot.axial_stiffness
         ports = [self.DeclareVectorInputPort(name, count) for name in ("command", "tensions")]
         ports.append(self.DeclareVectorInputPort("brake", 1))
-        self._command, self._tensions, self._brake = (int(port.get_index()) for port in ports)
+        ports.append(self.DeclareVectorInputPort("command_rate", count))
+        self._command, self._tensions, self._brake, self._command_rate = (
+            int(port.get_index()) for port in ports
+        )
         reeled = rounded(first, encoder_step) + self._error
         self._lengths = self.DeclareDiscreteState(reeled)
         self._rates = self.DeclareDiscreteState(count)
@@ -166,6 +172,9 @@ class Winches(LeafSystem):
             excess = rounded(tensions, self._force_step)
             excess -= input_values(self, context, self._command)
             wanted = self._bandwidth * lengths * self._flexibility * excess
+            moving = self.EvalVectorInput(context, self._command_rate)
+            if moving is not None:
+                wanted += moving.value()
             np.clip(wanted, -self._speed, self._speed, out=rates)
         over = tensions - self._force_limit
         if over.max() >= 0.0:
