@@ -300,3 +300,23 @@ def best_cabling(rows: Sequence[CablingRow]) -> CablingRow:
     """
     require(len(rows) > 0, "cablings to choose from", len(rows), ">= 1")
     return min(rows, key=lambda row: (-row.usable, row.frame.upper, row.point_error))
+
+
+def cabling_table(rows: Sequence[CablingRow]) -> str:
+    """The rows as text with units, in columns."""
+    lines = [
+        f"{'cabling':18}{'anchors m':>12}{'held %':>8}{'borne %':>9}{'usable %':>10}"
+        f"{'cables mm':>11}"
+        f"{'doors mm':>10}{'pos mm':>8}{'turn mrad':>11}{'aim mm':>8}{'kN/m':>8}{'N':>6}{'N m':>7}"
+    ]
+    for row in rows:
+        heights = f"{row.frame.upper:g} / {row.frame.lower:g}"
+        shares = 100.0 * row.held, 100.0 * row.feasible, 100.0 * row.usable
+        lines.append(
+            f"{row.name:18}{heights:>12}{shares[0]:8.1f}{shares[1]:9.1f}{shares[2]:10.1f}"
+            f"{1e3 * row.cable_cable:11.0f}{1e3 * row.cable_obstacle:10.0f}"
+            f"{1e3 * row.position_error:8.2f}{1e3 * row.rotation_error:11.2f}"
+            f"{1e3 * row.point_error:8.2f}{1e-3 * row.softest:8.2f}{row.tension:6.0f}"
+            f"{max(row.moment, 0.0):7.2f}"
+        )
+    return "\n".join(lines)

@@ -14,6 +14,7 @@ from pips_drake.cable_robot.cablings import (
     Frame,
     bay_obstacles,
     best_cabling,
+    cabling_table,
     compare_cablings,
     make_cabling,
     survey_poses,
@@ -86,6 +87,13 @@ def test_obstacles_hold_the_doors_inner_faces_and_the_bay():
     assert corners[:, 2].min() == pytest.approx(-BAY_RADIUS, abs=0.2)
     assert corners[:, 2].max() == pytest.approx(0.0, abs=0.03)
     assert np.abs(corners[:, 1]).max() == pytest.approx(2.0 * BAY_RADIUS, abs=0.2)
+
+
+def test_the_table_has_a_line_a_cabling_as_wide_as_its_head(rows):
+    lines = cabling_table(rows).splitlines()
+    assert len(lines) == 1 + len(rows)
+    assert {len(line) for line in lines} == {len(lines[0])}
+    assert lines[1].split()[0] == rows[0].name
 
 
 def test_a_cabling_uses_every_anchor_once(shipped):

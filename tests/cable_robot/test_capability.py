@@ -114,6 +114,36 @@ def test_faces_say_what_the_programs_of_stability_say(robot):
     assert 0 < static.sum() < len(poses)
 
 
+def hanging(cables: int) -> CableRobot:
+    """Cables from a ring of anchors down to a platform, turned to and fro."""
+    rng, turn = np.random.default_rng(cables), 2.0 * np.pi * np.arange(cables) / cables
+    inner = turn + 0.9 * (-1.0) ** np.arange(cables)
+    heights, depths = 3.0 + rng.uniform(-1.0, 1.0, cables), rng.uniform(-0.3, 0.3, cables)
+    return CableRobot(
+        name="ring",
+        anchors=np.column_stack([4.0 * np.cos(turn), 4.0 * np.sin(turn), heights]),
+        attachments=np.column_stack([0.5 * np.cos(inner), 0.5 * np.sin(inner), depths]),
+        mass=20.0,
+        tension_min=LOW,
+        tension_max=HIGH,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cables", [6, 7, 9, 12])
+def test_any_number_of_cables_bears_what_linear_programs_say(cables):
+    robot = hanging(cables)
+    poses = make_poses(np.random.default_rng(6).uniform(-0.5, 0.5, (20, 3)))
+    found = wrench_capability(robot, poses, directions=np.eye(6))
+    held = np.array([not np.isnan(least_sum(robot, poses, n)) for n in range(len(poses))])
+    np.testing.assert_array_equal(found.force >= 0.0, held)
+    assert held.any()
+    for n, k in itertools.product(np.flatnonzero(held), range(6)):
+        expected = farthest(robot, poses, n, np.eye(6)[k])
+        assert found.along[n, k] == pytest.approx(expected, rel=1e-7, abs=1e-7)
+    np.testing.assert_array_equal(found.static, static_stability(robot, poses).stable)
+
+
 def test_the_planar_example_bears_nothing():
     found = wrench_capability(planar_example(), make_poses([[0.0, 0.0, 0.0]]))
     assert found.full_rank.tolist() == [True]

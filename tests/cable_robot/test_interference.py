@@ -19,7 +19,12 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.spatial.transform import Rotation
 
-from pips_drake.cable_robot.interference import ObstacleBox, box_from_bounds, clearances
+from pips_drake.cable_robot.interference import (
+    ObstacleBox,
+    _segment_from_box,
+    box_from_bounds,
+    clearances,
+)
 from pips_drake.cable_robot.kinematics import cable_vectors, make_poses
 from pips_drake.errors import InputError
 
@@ -62,6 +67,33 @@ def test_cables_are_as_near_as_points_sampled_on_them(found):
         a, b = near.nearest[n, 0]
         pair = np.linalg.norm(points[a][:, None] - points[b], axis=2).min()
         assert pair <= near.cable_cable[n] + step
+
+
+def test_a_segment_is_as_near_to_a_box_as_points_sampled_on_it():
+    rng = np.random.default_rng(5)
+    along, room = np.linspace(0.0, 1.0, 1001)[:, None], (np.empty(3), np.empty(3))
+    touching = 0
+    for i in range(400):
+        a, b, c = rng.uniform(-2.0, 2.0, (3, 3))
+        half = rng.uniform(0.05, 1.0, 3)
+        R = Rotation.from_rotvec(rng.uniform(-2.0, 2.0, 3)).as_matrix() if i % 2 else np.eye(3)
+        if i % 5 == 0:  # along an edge's direction
+            b = a + R[:, 0] * rng.uniform(-3.0, 3.0)
+        if i % 7 == 0:  # in the plane of a face
+            a, b = (p - R[:, 2] * (R[:, 2] @ (p - c) - half[2]) for p in (a, b))
+        if i % 11 == 0:
+            b = a.copy()
+        inside = (a + along * (b - a) - c) @ R
+        sampled = np.linalg.norm(np.maximum(np.abs(inside) - half, 0.0), axis=1).min()
+        found = _segment_from_box(a, b, R, c, half, np.inf, *room)
+        assert found <= sampled + 1e-12
+        assert sampled <= found + np.linalg.norm(b - a) / 1000.0 + 1e-12
+        # A bound cuts off what is farther, and changes nothing that is nearer.
+        bound = rng.uniform(0.3, 2.0) * found + 1e-3
+        cut = _segment_from_box(a, b, R, c, half, bound, *room)
+        assert cut == pytest.approx(min(found, bound), abs=1e-12)
+        touching += found == 0.0
+    assert 20 < touching < 200
 
 
 def drake_distances(shapes):
