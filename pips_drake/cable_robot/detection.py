@@ -46,7 +46,7 @@ class Detector:
     extent: float = 3.0
     block: int = 16
     window: int = 11
-    gap: int = 3
+    gap: int = 6
     border: int = 3
 
     def __post_init__(self) -> None:
