@@ -49,6 +49,26 @@ class StaticsConfig:
 
 
 @dataclass
+class WorkspaceConfig:
+    """Task `workspace`: CABLE-96's design questions, for a robot over the payload bay."""
+
+    # What must be borne along and about every axis besides the weight, either way: a push at the
+    # platform, and what its camera's head may do (assumed).
+    disturbance_force_N: float = 20.0
+    disturbance_moment_N_m: float = 2.0
+    # Size of the cells of the volume's slices; maps have cells of half of it.
+    cell_m: float = 0.5
+    # Set other cablings of the same box side by side.
+    compare_cablings: bool = True
+
+    def validate(self) -> None:
+        for name in ("disturbance_force_N", "disturbance_moment_N_m"):
+            value = getattr(self, name)
+            require(0.0 <= value <= 1e5, f"workspace.{name}", f"{value:g}", "0 .. 1e5")
+        require(0.1 <= self.cell_m <= 2.0, "workspace.cell_m", f"{self.cell_m:g} m", "0.1 .. 2 m")
+
+
+@dataclass
 class CameraConfig:
     """The survey's camera."""
 
@@ -158,6 +178,9 @@ class CheckConfig:
     kinematically_stable: str = "none"
     # Tensions within the rope's bounds exist.
     within_bounds: bool = True
+    # Task `workspace`: share of a survey's poses that can be used: disturbances borne, and nothing
+    # nearer than `clearance_min_mm`.
+    usable_min_percent: float = 100.0
     # Task `survey`: share of the panels that is seen, in percent; every defect from this size on is
     # found; so many false alarms are allowed; and the least distance of platform and cables to
     # panels and sills (task `cable_break`: of the platform, in its swing and at its rest).
@@ -170,9 +193,9 @@ class CheckConfig:
         known = ("none", "true", "false")
         value = self.kinematically_stable
         require(value in known, "checks.kinematically_stable", value, " or ".join(known))
-        value_percent = self.coverage_min_percent
-        good = 0.0 <= value_percent <= 100.0
-        require(good, "checks.coverage_min_percent", value_percent, "0 .. 100")
+        for name in ("coverage_min_percent", "usable_min_percent"):
+            share = getattr(self, name)
+            require(0.0 <= share <= 100.0, f"checks.{name}", share, "0 .. 100")
         for name in ("found_from_mm", "false_alarms_max", "clearance_min_mm"):
             number = getattr(self, name)
             require(number >= 0, f"checks.{name}", f"{number:g}", ">= 0")
@@ -191,6 +214,7 @@ class CableRobotScenario:
     # A shipped robot (`models/cable_robots`), or a file beside the scenario.
     robot: str = ""
     statics: StaticsConfig = field(default_factory=StaticsConfig)
+    workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     cable_break: BreakConfig = field(default_factory=BreakConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)

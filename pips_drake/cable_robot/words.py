@@ -1,7 +1,7 @@
 """The words of a cable robot's scenarios; this module loads nothing that is slow to load."""
 
 #: What a scenario may ask.
-TASKS = ("statics", "survey", "cable_break")
+TASKS = ("statics", "workspace", "survey", "cable_break")
 #: How a survey is flown.
 FLIGHTS = ("station", "rest")
 #: Names of `tension_methods`, which compiles.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pips_drake.cable_robot.configuration import CableRobotConfig, load_robot
-from pips_drake.cable_robot.runs import cable_break, statics, survey
+from pips_drake.cable_robot.runs import cable_break, statics, survey, workspace
 from pips_drake.cable_robot.runs.task import TaskResult
 from pips_drake.cable_robot.scenario import CableRobotScenario
 from pips_drake.config import dump_yaml
@@ -27,6 +27,7 @@ _TASKS: dict[
     "cable_break": cable_break.prepare,
     "statics": statics.prepare,
     "survey": survey.prepare,
+    "workspace": workspace.prepare,
 }
 
 
