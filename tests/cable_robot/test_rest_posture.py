@@ -50,8 +50,8 @@ def test_rest_with_a_broken_cable_is_the_least_energy(cable):
     assert found.found[0] and found.stable[0] and found.tensions[0, cable] == 0.0
 
     def energy(numbers):
-        turned = (Rotation.from_rotvec(numbers[3:]) * Rotation.from_matrix(start.rotation[0])).apply
-        ends = numbers[:3] + turned(ROBOT.attachments)
+        turned = Rotation.from_rotvec(numbers[3:]).as_matrix() @ start.rotation[0]
+        ends = numbers[:3] + ROBOT.attachments @ turned.T
         stretch = np.linalg.norm(ROBOT.anchors - ends, axis=1) - l0[1]
         springs = (1.0 - broken) * ROBOT.axial_stiffness / l0[1] * np.maximum(stretch, 0.0) ** 2
         return 0.5 * springs.sum() + ROBOT.mass * 9.81 * numbers[2]

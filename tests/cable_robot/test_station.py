@@ -33,7 +33,7 @@ from pips_drake.cable_robot.systems.pose_values import pose_of, pose_vector
 from pips_drake.errors import InputError
 
 from .robots import box_robot, planar_example
-from .suspended import HALF, crossed_robot, quarter_pipe, suspended_robot
+from .suspended import crossed_robot, quarter_pipe, suspended_robot
 
 ROBOT = suspended_robot()
 POSE = make_poses([1.0, 3.8, -0.3])
@@ -131,7 +131,7 @@ def test_platform_follows_the_motion():
     """The springs lag by a step, and swing by what the corners of the speed excite."""
     ends = make_poses([[1.0, 3.8, -0.3], [1.4, 4.0, -0.2]])
     motion = PlatformMotion(ends)
-    bench = Bench(motion, log_period=0.02).to(motion.duration)
+    bench = Bench(motion, log_period=0.02, cable_picture_period=0.04).to(motion.duration)
     wanted, was = bench.log("pose_command.desired_pose"), bench.log("plant.platform_state")
     assert np.abs(was[4:7] - wanted[4:7]).max() < 5e-3
     assert bench.log("cable_forces.tensions").min() > 0.0
@@ -340,7 +340,12 @@ def test_distance_is_that_of_the_box_and_the_camera_head():
     inside = make_poses([0.0, 4.4, -1.95])
     assert least_distances(bench.made, inside)[0] < 0.0
     assert least_distances(bench.made, make_poses([0, 0, 100.0]))[0] == 5.0
-    assert HALF[2] + 0.08 < 0.36
+    whole = [replace(box, body="pipe") for box in quarter_pipe(16)]
+    one = Bench(obstacles=whole)
+    np.testing.assert_array_equal(
+        least_distances(one.made, middle), least_distances(bench.made, middle)
+    )
+    assert one.made.systems.machine.plant.HasBodyNamed("pipe")
 
 
 def test_platform_on_the_panel_is_stopped_by_it():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydrake.geometry import SceneGraph
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial.transform import Rotation
@@ -16,6 +17,7 @@ from pips_drake.cable_robot.platform_motion import PlatformMotion
 from pips_drake.cable_robot.statics import distribute_tensions, structure_matrix
 from pips_drake.cable_robot.systems.cable_break import CableBreak
 from pips_drake.cable_robot.systems.cable_forces import CableForces
+from pips_drake.cable_robot.systems.cable_visualizer import PIECES, CableVisualizer
 from pips_drake.cable_robot.systems.length_controller import LengthController
 from pips_drake.cable_robot.systems.platform_disturbance import PlatformDisturbance
 from pips_drake.cable_robot.systems.pose_command import PoseCommand
@@ -279,6 +281,31 @@ def test_breaks_and_brake_come_when_they_should():
         assert bench["brake"] == brake
     with pytest.raises(InputError, match=r"broken cable = 9; must be 1 .. 8"):
         CableBreak(ROBOT, breaks=[(8, 0.0)])
+
+
+def test_pieces_of_drawn_cables_lie_from_end_to_end():
+    """The first begins at the platform, the last ends at the anchor, and none leaves a gap."""
+    builder = DiagramBuilder()
+    system = CableVisualizer(ROBOT, scene_graph=SceneGraph())
+    visualizer = builder.AddSystem(system)
+    simulator = Simulator(builder.Build())
+    context = visualizer.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    state = np.concatenate([VECTOR, np.zeros(6)])
+    visualizer.GetInputPort("platform_state").FixValue(context, state)
+    visualizer.GetInputPort("broken").FixValue(context, np.eye(8)[4])
+    simulator.Initialize()
+    poses = visualizer.GetOutputPort("geometry_pose").Eval(context)
+    ends = POSE.position[0] + ROBOT.attachments @ POSE.rotation[0].T
+    tip = np.array([0.0, 0.0, system.piece])
+    for cable in range(8):
+        pieces = [poses.value(system.frame(cable, number)) for number in range(PIECES)]
+        np.testing.assert_allclose(pieces[-1].multiply(tip), ROBOT.anchors[cable], atol=1e-9)
+        if cable == 4:
+            assert pieces[0].translation()[2] < ROBOT.anchors[cable, 2] - 1.0
+            continue
+        np.testing.assert_allclose(pieces[0].translation(), ends[cable], atol=1e-9)
+        starts = np.array([piece.translation() for piece in pieces])
+        assert np.linalg.norm(np.diff(starts, axis=0), axis=1).max() < system.piece
 
 
 def test_disturbance_lasts_from_its_start_to_its_end():

@@ -58,11 +58,14 @@ class BoxObstacle:
         name: of its own.
         size: full, (3,) m.
         X_WB: its pose, (4, 4).
+        body: what it is a part of, which clearances name; empty: it stands alone. Few bodies make
+            a fast simulation.
     """
 
     name: str
     size: Array
     X_WB: Array
+    body: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,12 +177,16 @@ def add_plant(
         if camera_head:
             X_PH = RigidTransform(np.array(HEAD_PLACE))
             _add_shape(plant, platform, X_PH, Sphere(HEAD_RADIUS), "camera_head")
-    # Each stands on a body of its own: clearances name bodies.
+    # Clearances name bodies.
     scene = plant.AddModelInstance("scene")
+    bodies: dict[str, RigidBody] = {}
     for obstacle in obstacles:
-        body = plant.AddRigidBody(obstacle.name, scene)
-        plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform(obstacle.X_WB))
-        _add_shape(plant, body, RigidTransform(), Box(*obstacle.size), obstacle.name, "obstacle")
+        name = obstacle.body or obstacle.name
+        if name not in bodies:
+            bodies[name] = plant.AddRigidBody(name, scene)
+            plant.WeldFrames(plant.world_frame(), bodies[name].body_frame())
+        X_WB = RigidTransform(obstacle.X_WB)
+        _add_shape(plant, bodies[name], X_WB, Box(*obstacle.size), obstacle.name, "obstacle")
     places = np.unique(np.round(robot.anchors[:, :2], 6), axis=0)
     for number, place in enumerate(places, start=1):
         at_place = np.all(np.abs(robot.anchors[:, :2] - place) < 1e-5, axis=1)

@@ -24,6 +24,7 @@ from pips_drake.cable_robot.station.plant import (
 )
 from pips_drake.cable_robot.systems.cable_break import CableBreak
 from pips_drake.cable_robot.systems.cable_forces import CableForces
+from pips_drake.cable_robot.systems.cable_visualizer import CableVisualizer
 from pips_drake.cable_robot.systems.length_controller import (
     LengthController,
     unstretched_lengths,
@@ -77,6 +78,7 @@ class StationSettings:
         clearance_period: s.
         log_period: s; 0: nothing is logged.
         floor: where the posts stand, z, m.
+        cable_picture_period: how often the cables' pictures move, s; 0: they are not drawn.
     """
 
     time_step: float = 1.0 / 400.0
@@ -102,6 +104,7 @@ class StationSettings:
     clearance_period: float = 0.04
     log_period: float = 0.0
     floor: float = -3.0
+    cable_picture_period: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +153,7 @@ def AddCableRobot(
 
     Systems, by name: `plant`, `scene_graph`, `pose_command`, `controller`, `winches`,
     `cable_forces`, `pose_estimator`; with a box `clearance_monitor`; with faults `cable_break` and
-    `disturbance`.
+    `disturbance`; with pictures of the cables `cable_visualizer`.
 
     Latencies: the command of a control period is made of the pose that is wanted a period later,
     and reached then and one step. By tension, what is measured in a period is acted on in the next.
@@ -235,6 +238,17 @@ def AddCableRobot(
         forces.GetOutputPort("spatial_force"), plant.get_applied_spatial_force_input_port()
     )
     faults = _add_faults(builder, robot, settings, forces, winches)
+    if settings.cable_picture_period > 0.0:
+        drawn = builder.AddNamedSystem(
+            "cable_visualizer",
+            CableVisualizer(robot, scene_graph=scene_graph, period=settings.cable_picture_period),
+        )
+        builder.Connect(state_port, drawn.GetInputPort("platform_state"))
+        if faults[0] is not None:
+            _connect(builder, faults[0], drawn, "broken")
+        builder.Connect(
+            drawn.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(drawn.source_id)
+        )
     monitor = None
     if plant.GetCollisionGeometriesForBody(machine.platform):
         monitor = builder.AddNamedSystem(
