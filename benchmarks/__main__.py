@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 from benchmarks import (
+    cable_robot,
     command_line,
     follow_the_leader,
     full_twin,
@@ -33,6 +34,7 @@ BENCHMARKS = {
     "planning": planning.measure,
     "teleoperation": teleoperation.measure,
     "remote_manipulator": remote_manipulator.measure,
+    "cable_robot": cable_robot.measure,
     "command_line": command_line.measure,
 }
 

@@ -31,6 +31,7 @@ def test_every_script_has_a_test():
         "render_to_file.py",
         "teleoperate.py",
         "remote_manipulator_station.py",
+        "cable_robot_station.py",
     }
     assert {file.name for file in DIAGRAMS.glob("*.py")} == tested
 
@@ -63,6 +64,14 @@ def test_the_remote_manipulators_elbow_follows_its_master_arm(tmp_path):
     # No faster than the joint's 1.78 deg/s; a frame and a control period behind.
     assert 1.78 * 1.6 < angles[-1] - angles[0] <= 1.78 * 2.0
     assert out.count("stowed") == 6
+
+
+def test_the_cable_robots_platform_follows_its_way_points(tmp_path):
+    out = _run("cable_robot_station.py", "--seconds", "5", cwd=tmp_path)
+    off = [float(text) for text in re.findall(r"([\d.]+) mm off", out)]
+    # Cables stretch by what is commanded away; what is left is the command's delay and swinging.
+    assert len(off) == 6 and max(off) < 5.0
+    assert min(float(text) for text in re.findall(r"tensions (\d+) ", out)) > 10.0
 
 
 @pytest.mark.slow

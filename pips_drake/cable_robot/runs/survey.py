@@ -27,6 +27,7 @@ from pips_drake.cable_robot.defect_map import (
 )
 from pips_drake.cable_robot.defects import Defect, next_mission, seeded_defects
 from pips_drake.cable_robot.detection import find_defects, require_scikit_image
+from pips_drake.cable_robot.edge_registration import registered
 from pips_drake.cable_robot.interference import clearances
 from pips_drake.cable_robot.kinematics import Poses
 from pips_drake.cable_robot.panels import Panel, find_panel, radiator_panels
@@ -218,9 +219,10 @@ def _survey(
         studio = PanelStudio(Path(folder), raster.panels, defects)
         for view in tqdm(range(len(raster)), desc=words, unit="picture", disable=None, leave=False):
             picture = with_noise(studio.shoot(camera, true, view), tile, seed + view)
-            mask = panel_mask(camera, estimated, view, raster.panels)
+            seen = registered(picture, camera, estimated, view, raster.panels, reach=tolerance)
+            mask = panel_mask(camera, seen, view, raster.panels)
             found = find_defects(picture, mask=mask)
-            for sighting in locate(found, camera, estimated, view, raster.panels):
+            for sighting in locate(found, camera, seen, view, raster.panels):
                 sightings.append(sighting)
                 across, down = sighting.pixel
                 pieces[view, float(across), float(down)] = _crop(picture, across, down)
