@@ -55,8 +55,8 @@ class CableVisualizer(LeafSystem):
 
     State: the output, abstract, updated every `period` s and at initialization.
 
-    Sag is not drawn. A cable shorter than one piece, a sixth of the farthest anchors' distance, sticks
-    out.
+    Sag is not drawn. A cable shorter than one piece, a sixth of the farthest anchors' distance,
+    sticks out.
 
     Args:
         cable_robot: with M cables.
