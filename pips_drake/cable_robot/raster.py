@@ -164,7 +164,9 @@ def coverage(
     uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
     points, normals = panel_points(panel, uv), panel_normals(panel, uv)
     counts = np.zeros(shape, dtype=np.int64)
-    for k in range(len(poses)):
+    low, high = points.min(axis=0) - farthest, points.max(axis=0) + farthest
+    around = np.all((poses.position > low) & (poses.position < high), axis=1)
+    for k in np.flatnonzero(around).tolist():
         pixels = world_pixels(camera, poses, k, points)
         back = poses.position[k] - points
         facing = np.einsum("ij,ij->i", back, normals) > 0.0
