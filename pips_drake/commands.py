@@ -305,6 +305,7 @@ class List:
             ("arm", "--arm NAME"),
             ("scene", "pips check PATH --scene NAME"),
             ("model", "pips view NAME"),
+            ("cable robot", "the key `robot` of a scenario"),
         ):
             print(f"{kind}s ({command})")
             print("  " + "  ".join(list_names(kind)))

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass, field
 
-from pips_drake.cable_robot.words import FLIGHTS, TASKS, TENSION_METHODS
+from pips_drake.cable_robot.words import CONTROLS, FLIGHTS, TASKS, TENSION_METHODS
 from pips_drake.config import require
 
 
@@ -147,6 +147,20 @@ class SurveyConfig:
 
 
 @dataclass
+class StationConfig:
+    """How the simulated hardware works (tasks `survey` and `cable_break`)."""
+
+    # length: winches reel out what the wanted pose asks for. tension: they hold the tensions that a
+    # loop over the estimated pose asks for.
+    control: str = "length"
+    # Cables hang by their weight instead of being straight; slower.
+    sag: bool = False
+
+    def validate(self) -> None:
+        require(self.control in CONTROLS, "station.control", self.control, " or ".join(CONTROLS))
+
+
+@dataclass
 class BreakConfig:
     """Task `cable_break`: a cable breaks while the platform rests; what becomes of it?"""
 
@@ -217,6 +231,7 @@ class CableRobotScenario:
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     cable_break: BreakConfig = field(default_factory=BreakConfig)
+    station: StationConfig = field(default_factory=StationConfig)
     checks: CheckConfig = field(default_factory=CheckConfig)
 
     def validate(self) -> None:

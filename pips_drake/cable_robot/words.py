@@ -6,3 +6,5 @@ TASKS = ("statics", "workspace", "survey", "cable_break")
 FLIGHTS = ("station", "rest")
 #: Names of `tension_methods`, which compiles.
 TENSION_METHODS = ("least_norm", "least_infinity", "closed_form", "analytic_center")
+#: What winches are told.
+CONTROLS = ("length", "tension")

@@ -82,3 +82,33 @@ def test_what_cannot_be_used_is_refused_on_one_line(pips_here, tmp_path, changes
     assert (outcome.code, outcome.out) == (2, "")
     assert message in outcome.err and outcome.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mass_kg: 150.0", "mass_kg: 0.0", "mass_kg = 0.0; must be > 0"),
+        ("axial_stiffness_N: 4.0e+6", "axial_stiffness_N: -4.0e+6", "must be > 0"),
+        ("tension_max_N: 10000.0", "tension_max_N: 0.5", "1 .. 0.5 N; must be rising"),
+        ("- {anchor_m: [-3.5, -2.0, 3.5], attachment_m: [0.6, -0.3, -0.2]}\n", "", ""),
+        ("[-0.6, 0.3, 0.2]", "[0.6, -0.3, -0.2]", "cables 1 and 2 have the same ends"),
+        ("[-0.6, 0.3, 0.2]", "[.inf, 0.3, 0.2]", "inf"),
+    ],
+)
+def test_a_robot_that_is_none_ends_with_one_line_and_code_2(pips_here, tmp_path, old, new, message):
+    from pips_drake.scene.packages import find_file
+
+    text = find_file("cable robot", "caroca").read_text()
+    assert old in text
+    changed = text.replace(old, new, 1)
+    if not new:  # three cables fewer: five are left
+        changed = "".join(
+            line for line in text.splitlines(keepends=True) if "anchor_m: [3.5, 2.0" not in line
+        ).replace(old, "", 1)
+        message = "cables = 5; must be >= 6, its freedoms"
+    (tmp_path / "own.yaml").write_text(changed)
+    write_scenario(tmp_path, robot="own.yaml")
+    outcome = pips_here("simulate", "task.yaml", "--out", "out")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert message in outcome.err and outcome.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

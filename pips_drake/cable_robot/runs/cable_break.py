@@ -111,7 +111,7 @@ def run_break(scenario: CableRobotScenario, config: CableRobotConfig, pose: Pose
     asked, robot = scenario.cable_break, config.robot()
     cable = asked.cable - 1
     settings = replace(
-        station_settings(config),
+        station_settings(config, scenario.station),
         breaks=[(cable, asked.time_s)],
         reaction=asked.reaction_s,
         log_period=_PERIOD,

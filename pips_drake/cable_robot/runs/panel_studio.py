@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
     GeometryInstance,
     LightParameter,
     MakeRenderEngineVtk,
     Mesh,
     PerceptionProperties,
+    RenderCameraCore,
     RenderEngineVtkParams,
     RenderLabel,
     SceneGraph,
@@ -25,7 +28,7 @@ from pips_drake.cable_robot.panel_paint import write_panels
 from pips_drake.cable_robot.panels import Panel
 from pips_drake.cable_robot.survey_camera import SurveyCamera
 from pips_drake.errors import InputError
-from pips_drake.twin.rendering import RENDERER, render_available, render_view
+from pips_drake.twin.rendering import RENDERER, render_available
 
 #: Nearest and farthest that is drawn, m: narrow, so that patches 0.2 mm above a panel are in front.
 CLIPPING = (0.2, 5.0)
@@ -61,10 +64,11 @@ class PanelStudio:
     def shoot(self, camera: SurveyCamera, poses: Poses, index: int) -> NDArray[np.uint8]:
         """What the camera sees from one of its poses X_WC, (height, width, 3)."""
         X_WC = RigidTransform(RotationMatrix(poses.rotation[index]), poses.position[index])
-        return render_view(
-            self._scene_graph.get_query_output_port().Eval(self._context),
-            X_WC,
-            size=(camera.width, camera.height),
-            field_of_view=camera.field_of_view,
-            clipping=CLIPPING,
-        )
+        query_object = self._scene_graph.get_query_output_port().Eval(self._context)
+        # The camera's own intrinsics, half a pixel from `CameraInfo`'s, put things where they are.
+        info, clipping = camera.camera_info(), ClippingRange(*CLIPPING)
+        core = RenderCameraCore(RENDERER, info, clipping, RigidTransform())
+        world = query_object.inspector().world_frame_id()
+        image = query_object.RenderColorImage(ColorRenderCamera(core, False), world, X_WC)
+        pixels: NDArray[np.uint8] = np.array(image.data, dtype=np.uint8)
+        return pixels[:, :, :3]

@@ -14,6 +14,7 @@ from pips_drake.cable_robot.kinematics import Poses
 from pips_drake.cable_robot.platform_motion import MotionLimits
 from pips_drake.cable_robot.raster import Raster
 from pips_drake.cable_robot.runs.survey_flight import Flight, calibration_errors, flight_motion
+from pips_drake.cable_robot.scenario import StationConfig
 from pips_drake.cable_robot.station import BoxObstacle, MakeCableRobotStation, StationSettings
 from pips_drake.twin.simulation import DivergedError
 
@@ -23,10 +24,20 @@ Array = NDArray[np.float64]
 SHUTTER = 0.8
 
 
-def station_settings(config: CableRobotConfig, calibration: ArrayLike = 0.0) -> StationSettings:
-    """The station's settings that stand in the robot's file: winches and sensors."""
+def station_settings(
+    config: CableRobotConfig, asked: StationConfig, calibration: ArrayLike = 0.0
+) -> StationSettings:
+    """The station's settings: winches and sensors from the robot's file, the rest as asked.
+
+    Args:
+        calibration: what is reeled out beyond what the encoders say, (M,) m or one for all.
+    """
     winch = config.winch
+    weight = config.rope.mass_per_length_kg_m * float(np.linalg.norm(config.gravity_m_s2))
     return StationSettings(
+        control=asked.control,
+        feedback="estimated",
+        cable_weight=weight if asked.sag else 0.0,
         speed=winch.speed_m_s,
         force_limit=config.rope.tension_max_N,
         encoder_step=1e-3 * winch.encoder_step_mm,
@@ -37,7 +48,13 @@ def station_settings(config: CableRobotConfig, calibration: ArrayLike = 0.0) -> 
 
 def bay_boxes() -> list[BoxObstacle]:
     """Doors and bay as the station takes them."""
-    return [BoxObstacle(name=box.name, size=box.size, X_WB=box.X_WB) for box in bay_obstacles()]
+    # A door's boxes are one body: few bodies make a fast simulation.
+    return [
+        BoxObstacle(
+            name=box.name, size=box.size, X_WB=box.X_WB, body=box.name.rstrip(" 0123456789")
+        )
+        for box in bay_obstacles()
+    ]
 
 
 def poses_of(states: ArrayLike) -> Poses:
@@ -52,12 +69,14 @@ def station_flight(
     raster: Raster,
     limits: MotionLimits,
     *,
+    asked: StationConfig,
     seed: int,
     label: str = "flight",
 ) -> Flight:
-    """Simulates the whole flight under control by length, and notes what is so at each picture.
+    """Simulates the whole flight, and notes what is so at each picture.
 
     Args:
+        asked: how the station is to work.
         seed: of the calibration's errors.
         label: of the progress bar.
 
@@ -67,7 +86,8 @@ def station_flight(
     robot = config.robot()
     error = calibration_errors(config, seed)
     motion, views = flight_motion(raster, limits)
-    settings = station_settings(config, error)
+    # A length that reads too much by `error` is reeled out too little by it.
+    settings = station_settings(config, asked, -error)
     station = MakeCableRobotStation(robot, motion, settings, obstacles=bay_boxes())
     diagram = station.diagram
     ports = [

@@ -205,7 +205,14 @@ def _survey(
     seed = 1000 * asked.seed + number
     limits = _limits(scenario)
     if asked.flight == "station":
-        flight = station_flight(config, raster, limits, seed=seed, label=f"flight {number + 1}")
+        flight = station_flight(
+            config,
+            raster,
+            limits,
+            asked=scenario.station,
+            seed=seed,
+            label=f"flight {number + 1}",
+        )
     else:
         flight = rest_flight(config, raster, limits, seed=seed)
     tolerance = _tolerance(config, camera, raster, asked.standoff_m)

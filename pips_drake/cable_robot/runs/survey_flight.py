@@ -45,7 +45,7 @@ class Flight:
     Attributes:
         time: when each picture is taken, (N,) s.
         wanted, true, estimated: poses of the platform.
-        length_errors: of the calibration, (M,) m.
+        length_errors: by which lengths read too much, (M,) m.
         tensions: of the cables, (N, M) N.
         held: at which views the platform is held, no cable overloaded, (N,).
         duration: of the whole survey, s.
@@ -85,7 +85,7 @@ def flight_motion(raster: Raster, limits: MotionLimits) -> tuple[PlatformMotion,
 
 
 def calibration_errors(config: CableRobotConfig, seed: int) -> Array:
-    """What each length is off by, always by the same: uniform within the winches' error, (M,) m."""
+    """What each length always reads too much: uniform within the winches' error, (M,) m."""
     rng = np.random.default_rng(seed)
     return rng.uniform(-1.0, 1.0, len(config.cables)) * 1e-3 * config.winch.length_error_mm
 

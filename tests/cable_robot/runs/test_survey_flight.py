@@ -17,6 +17,7 @@ from pips_drake.cable_robot.runs.survey_flight import (
     flight_motion,
     rest_flight,
 )
+from pips_drake.cable_robot.scenario import StationConfig
 
 CONFIG = load_robot("radiator_crossed")
 LIMITS = MotionLimits(speed=0.3, acceleration=0.3, dwell=0.8)
@@ -77,12 +78,15 @@ def test_the_station_flies_as_the_poses_at_rest_say():
         footprint=raster.footprint,
         overlap=raster.overlap,
     )
-    flown = station_flight(CONFIG, raster, LIMITS, seed=3)
+    flown = station_flight(CONFIG, raster, LIMITS, asked=StationConfig(), seed=3)
     rest = rest_flight(CONFIG, raster, LIMITS, seed=3)
-    # Under control by length a cable that errs to the long side may go slack, and no longer says
-    # where the platform is: the two agree to a part of the calibration's millimetre.
+    # Measured: 0.15 mm; what control by length leaves of the force sensors' and encoders' steps.
     apart = np.linalg.norm(flown.true.position - rest.true.position, axis=1)
-    assert apart.max() < 1e-3
+    assert (
+        apart.max()
+        < 0.3e-3
+        < np.linalg.norm(rest.true.position - raster.platform.position, axis=1).min()
+    )
     estimated = np.linalg.norm(flown.estimated.position - raster.platform.position, axis=1)
     assert estimated.max() < 0.5e-3
     assert flown.held.all()
