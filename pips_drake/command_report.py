@@ -63,6 +63,21 @@ PLAN_LINES: tuple[Line, ...] = (
     ("motion_duration_s", "motion", 1, "s"),
     ("planning_wall_s", "planned and proved in", 1, "s"),
 )
+_CABLE_LINES: tuple[Line, ...] = (
+    ("tension_slack_min_N", "tensions to their bounds, at least", 1, "N"),
+    ("rest_clearance_m", "clearance at rest, without the cable", 1e3, "mm"),
+    ("volume_usable_m3", "workspace that can be used", 1, "m3"),
+    ("position_error_max_m", "position, off by lengths, at most", 1e3, "mm"),
+    ("stiffness_softest_N_m", "softest direction", 1e-3, "kN/m"),
+    ("moment_borne_min_N_m", "moment borne about every axis", 1, "N m"),
+    ("coverage_share", "surface, seen", 100, "%"),
+    ("defects_on_map", "defects on the map", 1, ""),
+    ("defects_missed", "defects missed", 1, ""),
+    ("false_alarms", "false alarms", 1, ""),
+    ("map_error_max_m", "off their true places, at most", 1e3, "mm"),
+    ("map_error_predicted_m", "which the cables' errors predict", 1e3, "mm"),
+    ("survey_duration_s", "a survey takes", 1 / 60.0, "min"),
+)
 SIMULATE_LINES: tuple[Line, ...] = (
     *_CLEARANCE_LINES,
     ("spine_error_max_m", "spine to plan, at most", 1e3, "mm"),
@@ -73,7 +88,7 @@ SIMULATE_LINES: tuple[Line, ...] = (
     ("torque_fraction_max", "joint torque, at most", 100, "% of its limit"),
     ("penetration_max_m", "pressed into each other, at most", 1e3, "mm"),
     ("inhibits", "motion inhibited, times", 1, ""),
-    ("tension_slack_min_N", "tensions to their bounds, at least", 1, "N"),
+    *_CABLE_LINES,
     ("docking_distance_m", "probe to port when docked", 1e3, "mm"),
     ("docking_angle_rad", "angle when docked", 57.29577951308232, "deg"),
     ("real_time_rate", "simulated", 1, "times real time"),
@@ -91,6 +106,10 @@ def report(verdict: Verdict, lines: Sequence[Line], *, own_scene: bool = False) 
             print(f"  {words:<40}{_shown(summary, key, factor)} {unit}".rstrip())
     if "phases" in summary:
         print(f"  {'phases':<40}{' -> '.join(summary['phases'])}")
+    if "comparison" in summary:
+        changes = summary["comparison"]
+        words = ", ".join(f"{len(changes[key])} {key}" for key in ("new", "grown", "gone"))
+        print(f"  {'since the survey before':<40}{words}")
     binding = summary.get("motion_binding_limits_s")
     if binding and lines is CHECK_LINES:
         print(f"  {'held back by':<40}{_shares(binding)}")

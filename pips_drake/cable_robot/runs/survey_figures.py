@@ -77,7 +77,7 @@ def _draw(axes, finding: Finding, color: str) -> None:  # type: ignore[no-untype
     size = 3.0 + 0.25 * 1e3 * finding.size_m
     axes.plot(
         finding.u, finding.v, _MARKERS[finding.kind], color=color, markersize=size,
-        markerfacecolor="none", markeredgewidth=1.4,
+        markerfacecolor="none", markeredgewidth=1.4, clip_on=False,
     )  # fmt: skip
 
 

@@ -113,6 +113,8 @@ def _numbers(run: SurveyRun) -> dict[str, Any]:
     last = numbers[f"survey_{_NAMES[len(run.surveys) - 1]}"]
     for key in ("coverage_share", "map_error_max_m", "map_error_predicted_m", "false_alarms"):
         numbers[key] = last[key]
+    numbers["defects_on_map"], numbers["defects_missed"] = last["findings"], last["missed"]
+    numbers["survey_duration_s"] = last["duration_s"]
     if run.comparison is not None:
         compared = run.comparison
         numbers["comparison"] = {
