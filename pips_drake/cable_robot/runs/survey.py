@@ -117,10 +117,6 @@ def prepare(
     asked = scenario.survey
     if config.planar:
         raise InputError(f"{config.name}: a planar robot; a survey needs one that moves in space")
-    missing = render_available()
-    if missing is not None:
-        raise InputError(f"a survey needs pictures: {missing}")
-    require_scikit_image()
     panels = radiator_panels()
     if asked.panels:
         panels = tuple(find_panel(panels, name) for name in dict.fromkeys(asked.panels))
@@ -132,6 +128,10 @@ def prepare(
     raster = survey_raster(panels, camera, standoff=asked.standoff_m, overlap=asked.overlap)
     config.require_inside(raster.platform)
     defects = _missions(scenario, panels)
+    missing = render_available()
+    if missing is not None:
+        raise InputError(f"a survey needs pictures: {missing}")
+    require_scikit_image()
 
     def work(folder: Path, name: str) -> TaskResult:
         run = run_survey(scenario, config, camera, raster, defects)
