@@ -155,8 +155,18 @@ class StationConfig:
     control: str = "length"
     # Cables hang by their weight instead of being straight; slower.
     sag: bool = False
+    # A push at the platform: force and moment about its origin in the world's axes, six numbers;
+    # empty: none. And when it begins and ends.
+    disturbance_N: list[float] = field(default_factory=list)
+    disturbance_start_s: float = 0.0
+    disturbance_end_s: float = 1.0
 
     def validate(self) -> None:
+        count = len(self.disturbance_N)
+        require(count in (0, 6), "station.disturbance_N", f"{count} numbers", "none or 6 numbers")
+        good = 0.0 <= self.disturbance_start_s < self.disturbance_end_s
+        shown = f"{self.disturbance_start_s:g} .. {self.disturbance_end_s:g} s"
+        require(good, "station.disturbance", shown, "rising, from 0 or more")
         require(self.control in CONTROLS, "station.control", self.control, " or ".join(CONTROLS))
 
 

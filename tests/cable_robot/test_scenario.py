@@ -39,6 +39,9 @@ def test_machine_and_robot_are_enough(tmp_path):
         (LITTLE + "statics: {poses: [{position_m: [.nan, 0, 0]}]}\n", "nan"),
         (LITTLE + "statics: {method: luck}\n", "statics.method = luck; must be"),
         (LITTLE + "statics: {wrench_N: [1]}\n", "none, 3 or 6 numbers"),
+        (LITTLE + "station: {control: luck}\n", "station.control = luck; must be"),
+        (LITTLE + "station: {disturbance_N: [1]}\n", "station.disturbance_N = 1 numbers"),
+        (LITTLE + "survey: {flight: balloon}\n", "survey.flight = balloon; must be"),
         (LITTLE + "checks: {kinematically_stable: maybe}\n", "none or true or false"),
     ],
 )

@@ -17,6 +17,7 @@ from pips_drake.cable_robot.kinematics import Poses, cable_vectors, make_poses
 from pips_drake.cable_robot.platform_motion import MotionLimits, PlatformMotion
 from pips_drake.cable_robot.rest_posture import RestPosture, rest_posture
 from pips_drake.cable_robot.robot import CableRobot
+from pips_drake.cable_robot.runs.platform_replay import write_platform_replay
 from pips_drake.cable_robot.runs.robot_figure import robot_figure
 from pips_drake.cable_robot.runs.station_flight import bay_boxes, poses_of, station_settings
 from pips_drake.cable_robot.runs.task import TaskResult
@@ -27,7 +28,7 @@ from pips_drake.errors import InputError
 from pips_drake.twin.diagram_file import write_diagram
 from pips_drake.twin.figures import Limit, Line, Mark, Panel, save_figure, time_series_figure
 from pips_drake.twin.recording import Series, write_csv
-from pips_drake.twin.replay import Bookmark, LineInSpace, write_replay
+from pips_drake.twin.replay import Bookmark, LineInSpace
 from pips_drake.twin.sheet import SheetPicture, SheetRow
 from pips_drake.twin.simulation import RunTime, advance
 
@@ -303,39 +304,37 @@ def _write_series(folder: Path, robot: CableRobot, run: BreakRun) -> None:
 def _write_replay(
     file: Path, name: str, scenario: CableRobotScenario, robot: CableRobot, run: BreakRun
 ) -> None:
-    machine = run.station.systems.machine
-    quaternions = np.roll(Rotation.from_matrix(run.poses.rotation).as_quat(), 1, axis=1)
-    before = Poses(run.poses.position[:1], run.poses.rotation[:1])
-    lines = []
-    for words, pose, color in (
-        ("before", before, (0.45, 0.45, 0.45)),
-        ("at rest", run.rest.poses, (0.0, 0.447, 0.698)),
-    ):
-        vectors, arms = cable_vectors(robot, pose)
-        inner = pose.position[0] + arms[0]
-        for k in range(robot.cables):
-            if words == "at rest" and run.rest.slack[0, k]:
-                continue
-            ends = np.array([inner[k], inner[k] + vectors[0, k]])
-            lines.append(LineInSpace(name=f"cables {words}/{k + 1}", points=ends, color=color))
+    vectors, arms = cable_vectors(robot, run.rest.poses)
+    inner = run.rest.poses.position[0] + arms[0]
+    lines = [
+        LineInSpace(
+            name=f"cables at rest/{k + 1}",
+            points=np.array([inner[k], inner[k] + vectors[0, k]]),
+            color=(0.0, 0.447, 0.698),
+        )
+        for k in range(robot.cables)
+        if not run.rest.slack[0, k]
+    ]
+    asked = scenario.cable_break
+    broken = np.zeros((len(run.time), robot.cables))
+    broken[run.time >= asked.time_s, asked.cable - 1] = 1.0
     x, y, z = run.poses.position[0]
     least = int(np.argmin(run.clearance))
-    write_replay(
+    write_platform_replay(
         file,
-        diagram=run.station.diagram,
-        plant=machine.plant,
-        model=machine.model,
-        time=run.time,
-        positions=np.hstack([quaternions, run.poses.position]),
-        eye=(x + 3.5, y - 0.5 * np.sign(y or 1.0), z + 2.0),
-        target=(x, y, z),
-        title=f"{name}: cable {scenario.cable_break.cable} breaks",
-        note="lines: the cables before the break (grey) and at rest after it (blue)",
-        lines=lines,
+        robot,
+        run.time,
+        run.poses,
+        broken=broken,
         sample_rate=25.0,
         speed=1.0,
+        eye=(x + 3.5, y - 0.5 * np.sign(y or 1.0), z + 2.0),
+        target=(x, y, z),
+        title=f"{name}: cable {asked.cable} breaks",
+        note="thin blue lines: the taut cables of the rest posture",
+        lines=lines,
         bookmarks=[
-            Bookmark(label="the cable breaks", time=scenario.cable_break.time_s),
+            Bookmark(label="the cable breaks", time=asked.time_s),
             Bookmark(label="least clearance", time=float(run.time[least])),
         ],
     )

@@ -15,7 +15,12 @@ from pips_drake.cable_robot.platform_motion import MotionLimits
 from pips_drake.cable_robot.raster import Raster
 from pips_drake.cable_robot.runs.survey_flight import Flight, calibration_errors, flight_motion
 from pips_drake.cable_robot.scenario import StationConfig
-from pips_drake.cable_robot.station import BoxObstacle, MakeCableRobotStation, StationSettings
+from pips_drake.cable_robot.station import (
+    BoxObstacle,
+    DisturbanceSettings,
+    MakeCableRobotStation,
+    StationSettings,
+)
 from pips_drake.twin.simulation import DivergedError
 
 Array = NDArray[np.float64]
@@ -34,7 +39,15 @@ def station_settings(
     """
     winch = config.winch
     weight = config.rope.mass_per_length_kg_m * float(np.linalg.norm(config.gravity_m_s2))
+    disturbance = None
+    if asked.disturbance_N:
+        disturbance = DisturbanceSettings(
+            wrench=asked.disturbance_N,
+            start=asked.disturbance_start_s,
+            end=asked.disturbance_end_s,
+        )
     return StationSettings(
+        disturbance=disturbance,
         control=asked.control,
         feedback="estimated",
         cable_weight=weight if asked.sag else 0.0,

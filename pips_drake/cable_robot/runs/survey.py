@@ -33,6 +33,7 @@ from pips_drake.cable_robot.kinematics import Poses
 from pips_drake.cable_robot.panels import Panel, find_panel, radiator_panels
 from pips_drake.cable_robot.platform_motion import MotionLimits
 from pips_drake.cable_robot.raster import Raster, coverage, survey_raster
+from pips_drake.cable_robot.robot import CableRobot
 from pips_drake.cable_robot.runs.panel_studio import PanelStudio
 from pips_drake.cable_robot.runs.station_flight import station_flight
 from pips_drake.cable_robot.runs.survey_files import write_survey
@@ -93,6 +94,7 @@ class SurveyRun:
         clearance_kind: of what to what.
     """
 
+    robot: CableRobot
     camera: SurveyCamera
     before: Survey
     after: Survey | None
@@ -166,6 +168,7 @@ def run_survey(
     }
     kind = min(kinds, key=lambda name: float(kinds[name].min()))
     return SurveyRun(
+        robot=config.robot(),
         camera=camera,
         before=surveys[0],
         after=surveys[1] if len(surveys) > 1 else None,

@@ -12,6 +12,8 @@ import numpy as np
 
 from pips_drake.cable_robot.defect_map import Finding
 from pips_drake.cable_robot.defects import Defect
+from pips_drake.cable_robot.panels import panel_points
+from pips_drake.cable_robot.runs.platform_replay import write_platform_replay
 from pips_drake.cable_robot.runs.survey_figures import map_figure, places_figure, recall_figure
 from pips_drake.cable_robot.runs.survey_report import write_report
 from pips_drake.cable_robot.runs.task import TaskResult
@@ -19,6 +21,7 @@ from pips_drake.cable_robot.scenario import CableRobotScenario
 from pips_drake.twin.figures import save_figure
 from pips_drake.twin.output_folder import write_whole
 from pips_drake.twin.recording import Series, write_csv
+from pips_drake.twin.replay import Bookmark, LineInSpace
 from pips_drake.twin.sheet import SheetPicture, SheetRow
 
 if TYPE_CHECKING:
@@ -53,6 +56,7 @@ def write_survey(
     ):
         pictures.append(SheetPicture(file=figures / file, caption=caption))
     numbers, failures = _numbers(run), _judge(scenario, run)
+    _write_replay(folder / "replay.html", name, run)
     write_report(folder / "report.html", name, run, numbers, failures, figures)
     survey = run.surveys[-1]
     lead = (
@@ -65,6 +69,41 @@ def write_survey(
         lead=lead,
         rows=_rows(scenario, numbers),
         pictures=pictures,
+    )
+
+
+def _write_replay(file: Path, name: str, run: SurveyRun) -> None:
+    """The last survey's flight, with a pin for every finding: red where it is new."""
+    survey = run.surveys[-1]
+    panels = {panel.name: panel for panel in survey.raster.panels}
+    new = {f.name for f in run.comparison.new} if run.comparison is not None else set()
+    lines = [
+        LineInSpace(
+            name=f"findings/{finding.name}",
+            points=panel_points(panels[finding.panel], [[finding.u, finding.v]] * 2, [0.0, 0.15]),
+            color=(0.7, 0.13, 0.13) if finding.name in new else (0.0, 0.447, 0.698),
+        )
+        for finding in survey.findings
+    ]
+    sides = [panel.side for panel in survey.raster.panels]
+    starts = [int(np.argmax(survey.raster.panel == k)) for k in range(len(panels))]
+    write_platform_replay(
+        file,
+        run.robot,
+        survey.flight.time,
+        survey.flight.true,
+        # Between two pictures the platform moves some half a metre.
+        sample_rate=1.0 / float(np.median(np.diff(survey.flight.time))),
+        speed=32.0,
+        eye=(-14.0, -8.0 * max(sides, key=sides.count), 11.0),
+        target=(-1.5, 0.0, -0.5),
+        title=f"{name}: the flight, a picture a step",
+        note="pins: findings; red: new since the survey before",
+        lines=lines,
+        bookmarks=[
+            Bookmark(label=panel.name.replace("_", " "), time=float(survey.flight.time[start]))
+            for panel, start in zip(survey.raster.panels, starts, strict=True)
+        ],
     )
 
 

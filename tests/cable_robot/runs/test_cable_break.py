@@ -60,3 +60,20 @@ def test_the_folder_has_what_one_looks_at(run):
                  "figures/before.png", "figures/rest.png", "diagram.dot"):  # fmt: skip
         assert (folder / name).stat().st_size > 1000
     assert json.loads((folder / "summary.json").read_text())["real_time_rate"] > 0.0
+
+
+def test_a_push_and_hanging_cables_change_the_swing(run, tmp_path):
+    name, verdict, _ = run
+    if name == "cable_break_struck":
+        pytest.skip("once is enough")
+    pushed = {
+        "station.sag": "true",
+        "station.disturbance_N": "[0, -150, 0, 0, 0, 0]",
+        "station.disturbance_start_s": "0.5",
+        "station.disturbance_end_s": "1.5",
+        "cable_break.duration_s": "3",
+    }
+    other = simulate(load_scenario(name, pushed), out=tmp_path / "out")
+    # Towards the hinge: nearer to the panel.
+    least = [found.summary["clearance_sampled_min_m"] for found in (verdict, other)]
+    assert least[1] < least[0] - 0.05

@@ -119,6 +119,7 @@ def test_the_report_has_every_finding_with_its_picture(survey):
     assert "http" not in page  # opens without a network
     for name in ("map_before.png", "map_after.png", "places.png", "recall.png"):
         assert (folder / "figures" / name).stat().st_size > 10_000
+    assert (folder / "replay.html").stat().st_size > 1_000_000
     views = rows_of(folder / "views_before.csv")
     assert len(views) == verdict.summary["survey_before"]["pictures"]
     assert np.all(np.diff([float(row["time_s"]) for row in views]) > 0.0)
