@@ -117,7 +117,7 @@ def test_an_unknown_name_lists_the_known_ones(data_root: Path) -> None:
 
 
 def test_an_unknown_kind_lists_the_known_ones() -> None:
-    known = r"unknown kind of file 'zzz'; known: arm, joint motion, manipulator, model, "
+    known = r"unknown kind of file 'zzz'; known: arm, cable robot, joint motion, manipulator, "
     with pytest.raises(UnknownNameError, match=known):
         packages.list_names("zzz")
 
