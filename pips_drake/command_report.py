@@ -64,7 +64,7 @@ PLAN_LINES: tuple[Line, ...] = (
     ("planning_wall_s", "planned and proved in", 1, "s"),
 )
 _CABLE_LINES: tuple[Line, ...] = (
-    ("tension_slack_min_N", "tensions to their bounds, at least", 1, "N"),
+    ("tension_slack_min_N", "room that the bounds leave for tensions", 1, "N"),
     ("rest_clearance_m", "clearance at rest, without the cable", 1e3, "mm"),
     ("volume_usable_m3", "workspace that can be used", 1, "m3"),
     ("position_error_max_m", "position, off by lengths, at most", 1e3, "mm"),

@@ -127,6 +127,9 @@ def test_everything_is_measured_and_printed(quick, measured):
         "teleoperation_tick",
         "collision_program_frame",
         "docking_task",
+        "cable_tensions_clarabel",
+        "cable_tensions_quadprog",
+        "cable_workspace",
         "help_drake",
         "help_nothing",
     ]

@@ -86,7 +86,8 @@ class WinchConfig:
         require_positive(self, "speed_m_s")
         for name in ("encoder_step_mm", "force_step_N", "length_error_mm"):
             value = getattr(self, name)
-            require(value >= 0.0, f"WinchConfig.{name}", f"{value:g}", ">= 0")
+            most = 1e4 if name == "force_step_N" else 100.0
+            require(0.0 <= value <= most, f"WinchConfig.{name}", f"{value:g}", f"0 .. {most:g}")
 
 
 @dataclass
@@ -144,6 +145,15 @@ class CableRobotConfig:
             tension_max=self.rope.tension_max_N,
             box=np.array(self.platform.size_m),
         )
+
+    def require_box(self) -> None:
+        """Refuses a platform without a box, whose clearance nobody can tell.
+
+        Raises:
+            InputError: a size is zero.
+        """
+        size = self.platform.size_m
+        require(min(size) > 0.0, f"{self.name}: platform.size_m", size, "> 0 for clearances")
 
     def require_inside(self, poses: Poses) -> None:
         """Refuses poses whose position is outside the region.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from pips_drake.cable_robot.robot import CableRobot
+from pips_drake.cable_robot.robot import SAME_POINT, CableRobot
 from pips_drake.errors import InputError, NotFollowableError
 
 Array = NDArray[np.float64]
@@ -86,9 +86,9 @@ def jacobian(robot: CableRobot, poses: Poses) -> Array:
     """
     vectors, arms = cable_vectors(robot, poses)
     lengths = np.linalg.norm(vectors, axis=2, keepdims=True)
-    if not np.all(lengths > 0.0):
-        pose, cable = np.argwhere(lengths[..., 0] <= 0.0)[0]
-        raise InputError(f"{robot.name}: cable {cable + 1} has no length at pose {pose}")
+    if not np.all(lengths > SAME_POINT):
+        pose, cable = np.argwhere(lengths[..., 0] <= SAME_POINT)[0]
+        raise InputError(f"{robot.name}: cable {cable + 1} has no length at pose {pose + 1}")
     units = vectors / lengths
     L = np.concatenate([-units, np.cross(units, arms)], axis=2)
     return L[..., list(robot.freedoms)]

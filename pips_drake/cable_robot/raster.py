@@ -34,6 +34,8 @@ Counts = NDArray[np.int64]
 OVERLAP = 0.1
 #: How far pictures go beyond a panel's edges, m: more than the camera misses its place by.
 MARGIN = 0.02
+#: More views than this are no survey that anybody would fly.
+MOST_VIEWS = 10_000
 #: What is farther from the camera than this is too small in the picture to count as seen, m.
 FARTHEST = 1.5
 
@@ -110,6 +112,9 @@ def survey_raster(
         _middles(length, part, overlap, margin)
         for length, part in zip((panels[0].length, panels[0].width), seen, strict=True)
     )
+    count = len(us) * len(vs) * len(panels)
+    allowed = f"<= {MOST_VIEWS}: a wider field of view, less overlap or a larger standoff"
+    require(count <= MOST_VIEWS, "views of the survey", count, allowed)
     order: list[tuple[int, float, float]] = []
     forward, outward = True, True
     for side in dict.fromkeys(p.side for p in panels):

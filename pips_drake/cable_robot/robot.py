@@ -101,6 +101,10 @@ class CableRobot:
             raise InputError(
                 f"{self.name}: cables {first} and {second} have the same ends; must differ at one"
             )
+        distinct = len(np.unique(np.round(self.anchors / SAME_POINT), axis=0))
+        least = 2 if self.freedoms == PLANAR else 3
+        anchors = f"{self.name}: anchors"
+        require(distinct >= least, anchors, f"{distinct} different points", f">= {least}")
         off_plane = self.freedoms == PLANAR and (
             np.ptp(self.anchors[:, 2]) > SAME_POINT or np.any(np.abs(self.attachments[:, 2]) > 0)
         )

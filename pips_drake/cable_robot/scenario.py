@@ -106,7 +106,9 @@ class DefectsConfig:
             require(0 <= value <= 1000, f"survey.defects.{name}", value, "0 .. 1000")
         good = 0.5 <= self.smallest_mm <= self.largest_mm <= 500.0
         sizes = f"{self.smallest_mm:g} .. {self.largest_mm:g} mm"
-        require(good, "survey.defects: sizes", sizes, "rising, within 0.5 .. 500 mm")
+        require(
+            good, "survey.defects.smallest_mm and largest_mm", sizes, "rising, within 0.5 .. 500 mm"
+        )
 
 
 @dataclass
@@ -187,7 +189,7 @@ class BreakConfig:
         require(self.cable >= 1, "cable_break.cable", self.cable, ">= 1")
         good = 0.0 <= self.time_s < self.duration_s <= 600.0
         shown = f"{self.time_s:g} s of {self.duration_s:g} s"
-        require(good, "cable_break: time_s and duration_s", shown, "rising, within 0 .. 600 s")
+        require(good, "cable_break.time_s and duration_s", shown, "rising, within 0 .. 600 s")
         good = 0.0 <= self.reaction_s <= 60.0
         require(good, "cable_break.reaction_s", f"{self.reaction_s:g} s", "0 .. 60 s")
 

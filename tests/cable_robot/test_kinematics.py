@@ -89,5 +89,5 @@ def test_poses_that_are_none_are_refused(position, angles):
 
 def test_a_cable_of_no_length_is_named():
     robot = planar_example()
-    with pytest.raises(InputError, match="cable 1 has no length at pose 0"):
+    with pytest.raises(InputError, match="cable 1 has no length at pose 1"):
         jacobian(robot, make_poses([[1.0, 2.0, 0.0]]))

@@ -19,6 +19,7 @@ from .robots import box_robot, planar_example
         ({"anchors": [[2, 2, 0]] * 2, "attachments": [[1, 0, 0], [0, 1, 0]]}, "cables = 2; must"),
         ({"attachments": [[1, 0, 0]] * 3}, "must be (M, 3) each"),
         ({"anchors": [[2, 2, 0]] * 4, "attachments": [[1, 0, 0]] * 4}, "cables 1 and 2 have the"),
+        ({"anchors": [[2, 2, 0]] * 4}, "anchors = 1 different points; must be >= 2"),
         ({"axial_stiffness": -1.0}, "axial_stiffness = -1 N; must be > 0"),
         ({"axial_stiffness": np.nan}, "axial_stiffness = nan N"),
         ({"mass": 0.0}, "mass = 0 kg; must be > 0"),

@@ -72,6 +72,14 @@ def test_a_pose_that_does_not_hold_fails_and_says_by_how_much(pips_here, tmp_pat
         ({"task": "cable_break", "robot": "radiator_crossed",
           "cable_break": {"pose": {"position_m": [0.0, 0.0, 9.0]}}}, "lies outside the frame"),
         ({"task": "cable_break", "cable_break": {"time_s": 20.0}}, "20 s of 10 s; must be"),
+        ({"task": "cable_break", "robot": "radiator_crossed",
+          "cable_break": {"pose": {"position_m": [0.0, 2.4, -0.2]}}},
+         "inside a panel, door or sill"),
+        ({"task": "survey", "robot": "radiator_crossed", "survey": {
+            "overlap": 0.8, "camera": {"width": 160, "height": 120, "field_of_view_deg": 5.0}}},
+         "views of the survey = "),
+        ({"task": "survey", "robot": "radiator_crossed", "survey": {"defects": {"count": 0}}},
+         "survey.defects (count, new, grown, cleaned): debris to clean = 3; must be at most 0"),
         ({"task": "workspace", "robot": "planar_example"}, "a planar robot"),
         ({"task": "workspace", "workspace": {"cell_m": 0.0}}, "workspace.cell_m = 0 m; must be"),
     ],
@@ -93,6 +101,11 @@ def test_what_cannot_be_used_is_refused_on_one_line(pips_here, tmp_path, changes
         ("- {anchor_m: [-3.5, -2.0, 3.5], attachment_m: [0.6, -0.3, -0.2]}\n", "", ""),
         ("[-0.6, 0.3, 0.2]", "[0.6, -0.3, -0.2]", "cables 1 and 2 have the same ends"),
         ("[-0.6, 0.3, 0.2]", "[.inf, 0.3, 0.2]", "inf"),
+        (
+            "region:",
+            "winch: {encoder_step_mm: 1.0e+6}\nregion:",
+            "encoder_step_mm = 1e+06; must be",
+        ),
     ],
 )
 def test_a_robot_that_is_none_ends_with_one_line_and_code_2(pips_here, tmp_path, old, new, message):

@@ -85,6 +85,7 @@ def prepare(
     asked, robot = scenario.cable_break, config.robot()
     if config.planar:
         raise InputError(f"{config.name}: a planar robot; cables break in space here")
+    config.require_box()
     if asked.cable > robot.cables:
         raise InputError(
             f"cable_break.cable = {asked.cable}; must be 1 .. {robot.cables}, the cables of "
@@ -100,6 +101,13 @@ def prepare(
             f"{-chosen.slack[0]:.3g} N"
         )
 
+    least = float(least_distances(_station(scenario, config, pose), pose)[0])
+    if least <= 0.0:
+        raise InputError(
+            f"cable_break.pose: the platform would stand {-1e3 * least:.0f} mm inside a panel, "
+            "door or sill; must be clear of them"
+        )
+
     def work(folder: Path, name: str) -> TaskResult:
         run = run_break(scenario, config, pose)
         return _write(folder, name, scenario, robot, run)
@@ -111,15 +119,7 @@ def run_break(scenario: CableRobotScenario, config: CableRobotConfig, pose: Pose
     """Simulates it, and finds where the platform would come to rest."""
     asked, robot = scenario.cable_break, config.robot()
     cable = asked.cable - 1
-    settings = replace(
-        station_settings(config, scenario.station),
-        breaks=[(cable, asked.time_s)],
-        reaction=asked.reaction_s,
-        log_period=_PERIOD,
-        clearance_period=_PERIOD,
-    )
-    motion = PlatformMotion(pose, None, MotionLimits())
-    station = MakeCableRobotStation(robot, motion, settings, obstacles=bay_boxes())
+    station = _station(scenario, config, pose)
     simulator = Simulator(station.diagram)
     run_time = advance(simulator, asked.duration_s)
     context = simulator.get_context()
@@ -143,6 +143,19 @@ def run_break(scenario: CableRobotScenario, config: CableRobotConfig, pose: Pose
     )
 
 
+def _station(scenario: CableRobotScenario, config: CableRobotConfig, pose: Poses) -> Station:
+    asked = scenario.cable_break
+    settings = replace(
+        station_settings(config, scenario.station),
+        breaks=[(asked.cable - 1, asked.time_s)],
+        reaction=asked.reaction_s,
+        log_period=_PERIOD,
+        clearance_period=_PERIOD,
+    )
+    motion = PlatformMotion(pose, None, MotionLimits())
+    return MakeCableRobotStation(config.robot(), motion, settings, obstacles=bay_boxes())
+
+
 def _write(
     folder: Path, name: str, scenario: CableRobotScenario, robot: CableRobot, run: BreakRun
 ) -> TaskResult:
@@ -160,11 +173,11 @@ def _write(
     _write_series(folder, robot, run)
     _write_replay(folder / "replay.html", name, scenario, robot, run)
     write_diagram(folder, run.station.diagram)
-    words = "can be held" if not failures else "cannot be held"
+    words = "the others hold it, clear of all" if not failures else "it cannot be held clear"
     return TaskResult(
         numbers=numbers,
         failures=failures,
-        lead=f"cable {scenario.cable_break.cable} breaks: the platform {words}",
+        lead=f"cable {scenario.cable_break.cable} breaks: {words}",
         rows=_rows(scenario, robot, run),
         pictures=[
             SheetPicture(file=figures / "swing.png", caption="the swing after the break"),
@@ -240,7 +253,8 @@ def _rows(scenario: CableRobotScenario, robot: CableRobot, run: BreakRun) -> lis
                  allowed=f">= {least:g} mm", good=swing >= least),
         SheetRow(label="clearance at rest", value=f"{rest:.0f} mm", allowed=f">= {least:g} mm",
                  good=rest >= least),
-        SheetRow(label="held in every direction", value="yes" if run.rest.stable[0] else "no",
+        SheetRow(label="cables hold it in every direction",
+                 value="yes" if run.rest.stable[0] else "no",
                  good=bool(run.rest.stable[0])),
         SheetRow(label="largest tension", value=f"{most:.0f} N",
                  allowed=f"<= {robot.tension_max:g} N", good=most <= robot.tension_max),

@@ -78,6 +78,7 @@ def prepare(
         np.radians([pose.angles_deg for pose in asked.poses]),
     )
     config.require_inside(poses)
+    jacobian(robot, poses)  # a cable without length has no direction
     wrench = asked.wrench_N or None
     if wrench is not None and len(wrench) != robot.freedom:
         raise InputError(
@@ -245,7 +246,7 @@ def _rows(found: Statics, worst: int) -> list[SheetRow]:
                  value=f"{low:.4g} .. {high:.4g} N",
                  allowed=f"{robot.tension_min:g} .. {robot.tension_max:g} N",
                  good=bool(chosen.feasible[worst])),
-        SheetRow(label="least slack to the bounds", value=f"{slack:.4g} N",
+        SheetRow(label="room that the bounds leave, least", value=f"{slack:.4g} N",
                  allowed=">= 0", good=bool(slack >= 0.0)),
         SheetRow(label="left over by the tensions", value=f"{chosen.residual.max():.1e}",
                  allowed="of the load"),

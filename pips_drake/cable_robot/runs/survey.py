@@ -32,7 +32,7 @@ from pips_drake.cable_robot.interference import clearances
 from pips_drake.cable_robot.kinematics import Poses
 from pips_drake.cable_robot.panels import Panel, find_panel, radiator_panels
 from pips_drake.cable_robot.platform_motion import MotionLimits
-from pips_drake.cable_robot.raster import Raster, coverage, survey_raster
+from pips_drake.cable_robot.raster import FARTHEST, Raster, coverage, survey_raster
 from pips_drake.cable_robot.robot import CableRobot
 from pips_drake.cable_robot.runs.panel_studio import PanelStudio
 from pips_drake.cable_robot.runs.station_flight import station_flight
@@ -119,6 +119,7 @@ def prepare(
     asked = scenario.survey
     if config.planar:
         raise InputError(f"{config.name}: a planar robot; a survey needs one that moves in space")
+    config.require_box()
     panels = radiator_panels()
     if asked.panels:
         panels = tuple(find_panel(panels, name) for name in dict.fromkeys(asked.panels))
@@ -181,18 +182,21 @@ def run_survey(
 def _missions(scenario: CableRobotScenario, panels: Sequence[Panel]) -> list[list[Defect]]:
     asked, painted = scenario.survey, scenario.survey.defects
     sizes = (1e-3 * painted.smallest_mm, 1e-3 * painted.largest_mm)
-    defects = seeded_defects(asked.seed, panels, painted.count, sizes)
-    if not asked.after_mission:
-        return [defects]
-    later = next_mission(
-        defects,
-        asked.seed + 1,
-        panels,
-        new=painted.new,
-        grown=painted.grown,
-        cleaned=painted.cleaned,
-        sizes=sizes,
-    )
+    try:
+        defects = seeded_defects(asked.seed, panels, painted.count, sizes)
+        if not asked.after_mission:
+            return [defects]
+        later = next_mission(
+            defects,
+            asked.seed + 1,
+            panels,
+            new=painted.new,
+            grown=painted.grown,
+            cleaned=painted.cleaned,
+            sizes=sizes,
+        )
+    except InputError as error:
+        raise InputError(f"survey.defects (count, new, grown, cleaned): {error}") from None
     return [defects, later]
 
 
@@ -243,7 +247,7 @@ def _survey(
         defects=defects,
         findings=findings,
         crops={f.name: pieces[f.image, f.pixel[0], f.pixel[1]] for f in findings},
-        coverage=_coverage(raster, camera, true),
+        coverage=_coverage(raster, camera, true, FARTHEST * asked.standoff_m),
         tolerance=tolerance,
         check=compare_with_truth(findings, defects, tolerance),
     )
@@ -273,12 +277,14 @@ def _tolerance(
     )
 
 
-def _coverage(raster: Raster, camera: SurveyCamera, poses: Poses) -> dict[str, float]:
+def _coverage(
+    raster: Raster, camera: SurveyCamera, poses: Poses, farthest: float
+) -> dict[str, float]:
     share = {}
     for index, panel in enumerate(raster.panels):
         here = raster.panel == index
         chosen = Poses(poses.position[here], poses.rotation[here])
-        share[panel.name] = coverage(panel, chosen, camera)[0]
+        share[panel.name] = coverage(panel, chosen, camera, farthest=farthest)[0]
     return share
 
 

@@ -74,7 +74,7 @@ def map_figure(survey: Survey, comparison: SurveyComparison | None, *, title: st
 
 
 def _draw(axes, finding: Finding, color: str) -> None:  # type: ignore[no-untyped-def]
-    size = 3.0 + 0.25 * 1e3 * finding.size_m
+    size = min(3.0 + 0.25 * 1e3 * finding.size_m, 30.0)
     axes.plot(
         finding.u, finding.v, _MARKERS[finding.kind], color=color, markersize=size,
         markerfacecolor="none", markeredgewidth=1.4, clip_on=False,

@@ -15,7 +15,7 @@ from pips_drake.cable_robot.defects import Defect
 from pips_drake.cable_robot.panels import panel_points
 from pips_drake.cable_robot.runs.platform_replay import write_platform_replay
 from pips_drake.cable_robot.runs.survey_figures import map_figure, places_figure, recall_figure
-from pips_drake.cable_robot.runs.survey_report import write_report
+from pips_drake.cable_robot.runs.survey_report import plural, write_report
 from pips_drake.cable_robot.runs.task import TaskResult
 from pips_drake.cable_robot.scenario import CableRobotScenario
 from pips_drake.twin.figures import save_figure
@@ -60,8 +60,9 @@ def write_survey(
     write_report(folder / "report.html", name, run, numbers, failures, figures)
     survey = run.surveys[-1]
     lead = (
-        f"{len(survey.raster.panels)} panels, {len(survey.raster)} pictures in "
-        f"{survey.flight.duration / 60.0:.0f} min: {len(survey.findings)} defects on the map"
+        f"{plural(len(survey.raster.panels), 'panel')}, {len(survey.raster)} pictures in "
+        f"{survey.flight.duration / 60.0:.1f} min: "
+        f"{plural(len(survey.findings), 'defect')} on the map"
     )
     return TaskResult(
         numbers=numbers,

@@ -65,7 +65,7 @@ def write_report(
     if run.comparison is not None and run.comparison.gone:
         parts += [
             f"<h2>Gone since the survey before ({len(run.comparison.gone)})</h2>",
-            _table(run.comparison.gone, run.before, {}, {}),
+            _table(run.comparison.gone, run.before, {}, {}, words=", before"),
         ]
     parts += [
         "<h2>How far to trust it</h2>",
@@ -82,12 +82,17 @@ def write_report(
     )
 
 
+def plural(count: int, word: str) -> str:
+    """``1 panel``, ``2 panels``."""
+    return f"{count} {word}" + "s" * (count != 1)
+
+
 def _lead(run: SurveyRun, numbers: Mapping[str, Any]) -> str:
     text = (
-        f"{len(run.before.raster.panels)} panels, {numbers['pictures']} pictures of "
+        f"{plural(len(run.before.raster.panels), 'panel')}, {numbers['pictures']} pictures of "
         f"{run.camera.width} x {run.camera.height} pixels in {numbers['duration_s'] / 60.0:.0f} "
         f"min; {100.0 * numbers['coverage_share']:.2f} % of the surface seen. "
-        f"{numbers['findings']} defects found."
+        f"{plural(numbers['findings'], 'defect')} found."
     )
     if run.comparison is not None:
         compared = run.comparison
@@ -120,6 +125,7 @@ def _table(
     survey: Survey,
     changes: Mapping[str, str],
     before: Mapping[str, float],
+    words: str = "",
 ) -> str:
     rows = []
     for finding in findings:
@@ -127,9 +133,11 @@ def _table(
         size = f"{1e3 * finding.size_m:.1f}" + (" or more" if finding.cut else "")
         was = f"{1e3 * before[finding.name]:.1f}" if finding.name in before else ""
         rows.append(
-            f'<tr id="{finding.name}"><td><img alt="{finding.kind}" '
+            f'<tr id="{finding.name}{words.replace(", ", "-")}"><td>'
+            f'<img alt="{finding.kind}" '
             f'src="{_data(survey.crops[finding.name])}"></td>'
-            f'<td>{finding.name}</td><td class="{change}">{change}</td><td>{finding.kind}</td>'
+            f'<td>{finding.name}{words}</td><td class="{change}">{change}</td>'
+            f"<td>{finding.kind}</td>"
             f'<td class="number">{finding.u:.3f}</td><td class="number">{finding.v:.3f}</td>'
             f'<td class="number">{size}</td><td class="number">{1e3 * finding.width_m:.1f}</td>'
             f'<td class="number">{was}</td><td class="number">{len(finding.images)}</td></tr>'

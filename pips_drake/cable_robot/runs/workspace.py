@@ -99,8 +99,7 @@ def prepare(
     """
     if config.planar:
         raise InputError(f"{config.name}: a planar robot; this study is of one over the bay")
-    if min(config.platform.size_m) <= 0.0:
-        raise InputError(f"{config.name}: platform.size_m = {config.platform.size_m}; must be > 0")
+    config.require_box()
     robot = config.robot()
     asked = scenario.workspace
 
